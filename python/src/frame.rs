@@ -167,7 +167,7 @@ impl Frame {
     fn mask<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u8>>> {
         let images = self.images()?;
         let segments = &self.event.report.segments;
-        mask(py, || segments.mask(&images.depth))
+        mask(py, || segments.mask(images))
     }
 
     /// The objects that detections led to, as they are expected in this frame.

@@ -72,7 +72,7 @@ impl Subscriber for Pictures {
             }
         }
         if self.outputs.has_subscribers(Topic::Mask) {
-            let mask = tracked.report.segments.mask(&frame.depth);
+            let mask = tracked.report.segments.mask(frame);
             let size = (mask.width() as u32, mask.height() as u32);
             let message = self.publisher.mask(size.0, size.1, mask.data());
             self.outputs.send(&message);

@@ -17,8 +17,9 @@ from PIL import Image, ImageOps
 
 IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
 LARGEST = 200_000  # bytes of a picture: pages open fast, and the repository stays small
+VIEW = (547, 168, 1266, 556)  # where the map is in a page of that size, px
 FRAME = 70  # of walking_xyz: somebody walks past the desk
-BROWSER = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--run-all-compositor-stages-before-draw", "--window-size=1280,1500"]
+BROWSER = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--run-all-compositor-stages-before-draw", "--window-size=1280,800"]
 
 
 def keep(image: Image.Image, name: str, width: int) -> None:
@@ -63,13 +64,11 @@ def make(program: str, work: Path) -> None:
     call("simulate", "--scene", "walking_xyz", "--frames", "240", "--out", "room")
     call("run", "room", "--detector", "scripted:room/detections.csv", "--dense", "--overlay", "overlay", "--masks", "masks", "--out", "out")
     page = f"file://{out / 'report.html'}#frame={FRAME}"
-    # Without figures of speed: they are those of a machine that also draws the pages.
     report = shot(work, page, "--virtual-time-budget=8000")
-    keep(report.crop((0, 340, 1280, 1415)), "report.png", 900)
-    view = (16, 458, 823, 965)
-    keep(report.crop(view), "surface.png", 720)
-    keep(shot(work, f"{page}&view=top", "--virtual-time-budget=8000").crop(view), "map.png", 720)
-    keep(live(program, work, room).crop((0, 385, 1280, 1015)), "live.png", 900)
+    keep(report, "report.png", 900)
+    keep(report.crop(VIEW), "surface.png", 720)
+    keep(shot(work, f"{page}&view=top", "--virtual-time-budget=8000").crop(VIEW), "map.png", 720)
+    keep(live(program, work, room), "live.png", 900)
     keep(Image.open(work / "overlay" / f"{FRAME:06}.png"), "overlay.png", 640)
     colour = sorted((room / "rgb").iterdir())[FRAME]
     pair = Image.new("RGB", (1290, 480), "white")

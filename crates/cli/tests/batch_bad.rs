@@ -114,7 +114,7 @@ impl Working {
     fn start() -> Self {
         let dir = tempfile::tempdir().unwrap();
         let (long, out) = (dir.path().join("long"), dir.path().join("out"));
-        simulate(&long, "xyz", 150);
+        simulate(&long, "xyz", 60);
         let inputs = vec![rooms().join("d"), long];
         let mut child = program()
             .arg("batch")

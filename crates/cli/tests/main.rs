@@ -37,6 +37,7 @@ mod record;
 mod recordings;
 mod render;
 mod report;
+mod report_looks;
 mod suite;
 mod things;
 mod variants;

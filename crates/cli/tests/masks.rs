@@ -142,7 +142,7 @@ fn the_command_line_writes_the_masks_of_the_library_to_the_byte() {
     for (frame, mask) in recording.frames.iter().zip(&recording.masks) {
         let events = system.step(RgbdFrame::clone(frame));
         let event = events.iter().find_map(|e| e.as_frame()).unwrap();
-        let own = event.report.segments.mask(&frame.depth);
+        let own = event.report.segments.mask(frame);
         assert!(own.data() == mask.as_slice(), "{}", frame.stamp);
         masked += mask.iter().filter(|v| **v > 0).count();
     }

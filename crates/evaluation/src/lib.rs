@@ -23,7 +23,7 @@ pub use error::EvaluationError;
 pub use offset::{Offset, find_offset};
 pub use order::{OrderOf, OtherOrder, find_other_order};
 pub use report::{Align, Table};
-pub use rpe::{Delta, Rpe, relative_error};
+pub use rpe::{Delta, RelativeError, Rpe, relative_error};
 pub use score::{Drift, EvalOptions, Evaluation, Score, drift, evaluate, is_fixed, score};
 pub use statistics::Statistics;
 

@@ -56,6 +56,19 @@ pub struct Rpe {
     pub translation: Statistics,
     /// Rotation per delta, degrees.
     pub rotation_deg: Statistics,
+    /// The error of each pair, in order.
+    pub errors: Vec<RelativeError>,
+}
+
+/// The relative error from one pose to the one a delta later.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RelativeError {
+    /// Stamp of the first of both in the estimate, s.
+    pub stamp: f64,
+    /// Translation, m.
+    pub translation: f64,
+    /// Rotation, degrees.
+    pub rotation_deg: f64,
 }
 
 /// Relative error of the motion over `delta`; `None` when no two poses are that far apart. `pairs` are the associated
@@ -81,20 +94,26 @@ pub fn relative_error(
         Delta::Seconds(s) => spans_by_time(reference, estimate, s, max_dt),
     };
     let scaled = |p: &Se3| Se3::new(p.rotation, p.translation * scale);
-    let (mut translation, mut rotation) = (Vec::new(), Vec::new());
-    for [(r0, e0), (r1, e1)] in spans {
+    let error_of = |[(r0, e0), (r1, e1)]: [(usize, usize); 2]| {
         let truth = reference[r0].world_from_camera.inverse() * reference[r1].world_from_camera;
         let found = scaled(&estimate[e0].world_from_camera).inverse()
             * scaled(&estimate[e1].world_from_camera);
         let error = truth.inverse() * found;
-        translation.push(error.translation.norm());
-        rotation.push(so3::angle(&error.rotation).to_degrees());
-    }
+        RelativeError {
+            stamp: estimate[e0].stamp,
+            translation: error.translation.norm(),
+            rotation_deg: so3::angle(&error.rotation).to_degrees(),
+        }
+    };
+    let errors: Vec<RelativeError> = spans.into_iter().map(error_of).collect();
+    let of =
+        |f: fn(&RelativeError) -> f64| Statistics::of(&errors.iter().map(f).collect::<Vec<_>>());
     Some(Rpe {
         delta,
-        pairs: translation.len(),
-        translation: Statistics::of(&translation)?,
-        rotation_deg: Statistics::of(&rotation)?,
+        pairs: errors.len(),
+        translation: of(|e| e.translation)?,
+        rotation_deg: of(|e| e.rotation_deg)?,
+        errors,
     })
 }
 

@@ -31,7 +31,7 @@ fn trajectory_figure_shows_what_it_should() {
     let ate = evaluate(&truth, &estimate, &EvalOptions::default())
         .unwrap()
         .ate;
-    let figure = trajectory_figure("a < b & c", &ate);
+    let figure = trajectory_figure("a < b & c", &ate, None);
     let svg = figure.to_svg();
     for part in [
         "a &lt; b &amp; c",
@@ -50,8 +50,68 @@ fn trajectory_figure_shows_what_it_should() {
     let png = figure.to_png().unwrap();
     assert!(png.starts_with(b"\x89PNG") && png.len() > 20_000);
     // The same input gives the same picture.
-    assert_eq!(png, trajectory_figure("a < b & c", &ate).to_png().unwrap());
+    assert_eq!(
+        png,
+        trajectory_figure("a < b & c", &ate, None).to_png().unwrap()
+    );
     assert_eq!(figure.size(), (1200.0, 855.0));
+}
+
+/// Attribute of the polylines of an SVG that have a colour.
+fn strokes<'a>(svg: &'a str, colour: &str) -> Vec<(usize, &'a str)> {
+    let lines = svg.lines().enumerate();
+    let of = lines.filter(|(_, l)| l.starts_with("<polyline") && l.contains(colour));
+    of.map(|(i, l)| {
+        let width = l.split("stroke-width=\"").nth(1).unwrap();
+        (i, width.split('"').next().unwrap())
+    })
+    .collect()
+}
+
+#[test]
+fn relative_errors_stand_under_the_absolute_ones() {
+    let (truth, estimate) = (walk(300, 0.0), walk(300, 0.02));
+    let e = evaluate(&truth, &estimate, &EvalOptions::default()).unwrap();
+    let rpe = e.rpe.as_ref().unwrap();
+    assert_eq!(rpe.errors.len(), rpe.pairs);
+    let most = rpe.errors.iter().map(|e| e.translation).fold(0.0, f64::max);
+    assert_eq!(most, rpe.translation.max);
+    assert!(rpe.errors.is_sorted_by(|a, b| a.stamp < b.stamp));
+    let figure = trajectory_figure("a", &e.ate, Some(rpe));
+    let svg = figure.to_svg();
+    for part in ["RPE, 1 s (mm)", "RPE, 1 s (deg)", "Stillpoint"] {
+        assert!(svg.contains(part), "no {part}");
+    }
+    // Each of the six panels over time says so, but for two above another one.
+    assert_eq!(svg.matches(">time (s)<").count(), 4);
+    assert!(figure.size().1 > 1200.0);
+    figure.to_png().unwrap();
+}
+
+#[test]
+fn every_panel_has_ticks_on_both_axes() {
+    let truth = walk(300, 0.0);
+    let e = evaluate(&truth, &walk(300, 0.02), &EvalOptions::default()).unwrap();
+    let svg = trajectory_figure("a", &e.ate, e.rpe.as_ref()).to_svg();
+    // The walk lasts ten seconds: of six panels over time each has the label of the eighth.
+    assert_eq!(svg.matches(">8</text>").count(), 6, "{svg}");
+}
+
+#[test]
+fn truth_is_seen_under_an_estimate_that_lies_on_it() {
+    let truth = walk(300, 0.0);
+    let ate = evaluate(&truth, &truth, &EvalOptions::default())
+        .unwrap()
+        .ate;
+    let svg = trajectory_figure("a", &ate, None).to_svg();
+    let (wide, thin) = (strokes(&svg, "#868c96"), strokes(&svg, "#0072b2"));
+    // From above and in three coordinates, each before the estimate; and in two legends.
+    assert!(wide.len() >= 5, "{wide:?}");
+    assert!(wide.iter().all(|(_, width)| *width == "5"), "{wide:?}");
+    assert!(
+        thin.iter()
+            .all(|(_, width)| width.parse::<f64>().unwrap() < 2.5)
+    );
 }
 
 #[test]
@@ -60,7 +120,7 @@ fn perfect_and_short_trajectories_can_be_drawn() {
     let ate = evaluate(&truth, &truth, &EvalOptions::default())
         .unwrap()
         .ate;
-    let figure = trajectory_figure("", &ate);
+    let figure = trajectory_figure("", &ate, None);
     assert!(!figure.to_svg().contains("NaN") && !figure.to_svg().contains("inf"));
     figure.to_png().unwrap();
 }

@@ -57,8 +57,8 @@ pub struct DynamicMask {
     gate: FrameGate,
     tracker: Tracker,
     next: FrameId,
-    /// The last frame and the objects in it.
-    last: Option<(Arc<RgbdFrame>, Arc<[Object]>)>,
+    /// What was found in the last frame.
+    last: Option<MovingThings>,
 }
 
 /// What moves in one frame.
@@ -82,7 +82,7 @@ impl MovingThings {
     /// The mask: 255 where the scene moves, 0 where it stands still or nothing is known: [`Segments::mask`].
     #[must_use]
     pub fn mask(&self) -> GrayImage {
-        self.segments.mask(&self.frame.depth)
+        self.segments.mask(&self.frame)
     }
 }
 
@@ -132,24 +132,34 @@ impl DynamicMask {
         let given = world_from_camera.filter(|pose| pose.is_finite());
         let look = self.tracker.look(frame, given);
         self.next = FrameId(frame.id.0.saturating_add(1));
-        let objects = look.judgement.objects;
-        self.last = Some((Arc::clone(frame), Arc::clone(&objects)));
-        Ok(MovingThings {
+        let found = MovingThings {
             frame: Arc::clone(frame),
             world_from_camera: look.world_from_camera,
             verdicts: look.judgement.verdicts,
-            objects,
+            objects: look.judgement.objects,
             segments: look.judgement.segments,
-        })
+        };
+        self.last = Some(found.clone());
+        Ok(found)
     }
 
-    /// What the filter says of any raw pixels of the last frame, such as the keypoints of another system; empty before the first one. Where
-    /// there is no depth within a pixel, nothing is known and the verdict is static.
+    /// What the filter says of any raw pixels of the last frame, such as the keypoints of another system; empty before the first one. It agrees with the
+    /// mask. Where there is no depth within a pixel, nothing is known and the verdict is static.
     #[must_use]
     pub fn verdicts(&self, pixels: &[[f32; 2]]) -> Vec<FeatureVerdict> {
-        let judge = |(frame, objects): &(Arc<RgbdFrame>, Arc<[Object]>)| {
-            self.tracker.judge_pixels(frame, objects, pixels)
+        let Some(last) = &self.last else {
+            return Vec::new();
         };
-        self.last.as_ref().map(judge).unwrap_or_default()
+        let (mask, depth) = (last.mask(), &last.frame.depth);
+        let mut verdicts = self
+            .tracker
+            .judge_pixels(&last.frame, &last.objects, pixels);
+        for verdict in &mut verdicts {
+            let [x, y] = verdict.pixel.map(|c| (c + 0.5).max(0.0) as usize);
+            if x < mask.width() && y < mask.height() && depth.at(x, y) > 0.0 {
+                verdict.follow(mask.at(x, y) > 0);
+            }
+        }
+        verdicts
     }
 }

@@ -86,7 +86,7 @@ struct Score {
 impl Score {
     fn add(&mut self, room: &Room, frame: &RgbdFrame, segments: &Segments) {
         let truth = &room.truth(frame.id.0 as usize).mask;
-        let mask = segments.mask(&frame.depth);
+        let mask = segments.mask(frame);
         assert_eq!(
             (mask.width(), mask.height()),
             (truth.width(), truth.height())
@@ -131,7 +131,7 @@ fn score(room: &Room, poses: bool, detector: bool) -> Score {
             !detector || found.objects.is_empty()
         );
         if i >= SCORED {
-            assert_eq!(found.mask(), found.segments.mask(&frame.depth));
+            assert_eq!(found.mask(), found.segments.mask(frame));
             score.add(room, frame, &found.segments);
         }
     }

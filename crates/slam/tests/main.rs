@@ -4,4 +4,5 @@
 
 mod closing;
 mod dynamic_mask;
+mod outlines;
 mod repeated_patterns;

@@ -58,10 +58,11 @@ fn moving(step: usize) -> f64 {
         (aside - expected).abs() < 0.01,
         "{aside} instead of {expected}"
     );
-    let mask = found.mask();
-    let half: Vec<bool> = (0..WIDTH * HEIGHT)
-        .filter(|i| i % WIDTH > WIDTH / 2 + 20)
-        .map(|i| mask.data()[i] > 0)
+    // By cells: a mask leaves out what nothing sets apart from the wall around it.
+    let regions = &found.segments;
+    let half: Vec<bool> = (0..regions.labels.len())
+        .filter(|i| i % regions.width * regions.cell_px > WIDTH / 2 + 20)
+        .map(|i| regions.labels[i] > 0)
         .collect();
     half.iter().filter(|m| **m).count() as f64 / half.len() as f64
 }

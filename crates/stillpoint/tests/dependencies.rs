@@ -40,8 +40,18 @@ const NORMAL: &[(&str, &[&str])] = &[
     ("fetch", &["files"]),
     // How a model is read is said beside it in the cache.
     ("models", &["detection", "inference", "fetch"]),
-    // What it draws it is given as values and events.
-    ("view", &["geometry", "imaging", "detection", "map", "slam"]),
+    // What it draws it is given as values and events; palette and typeface are those of the plots.
+    (
+        "view",
+        &[
+            "geometry",
+            "imaging",
+            "detection",
+            "map",
+            "slam",
+            "evaluation",
+        ],
+    ),
     // A subscriber that fuses: events and views in, surfaces out.
     (
         "dense",

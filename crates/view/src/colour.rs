@@ -34,7 +34,7 @@ impl Colour {
     pub const THING: Self = Self(196, 204, 214);
 
     /// The colours of objects, from cyan over blue to purple, in an order in which neighbours differ clearly.
-    const OBJECTS: [Self; 8] = [
+    pub(crate) const OBJECTS: [Self; 8] = [
         Self(56, 132, 255),
         Self(196, 150, 255),
         Self(0, 206, 255),

@@ -22,8 +22,8 @@ const EDGE: f32 = 0.9;
 #[must_use]
 pub fn draw(frame: &RgbdFrame, overlay: &Overlay<'_>) -> Picture {
     let mut picture = Picture::from_frame(frame);
-    if let Some(cells) = &overlay.cells {
-        shapes::cells(&mut picture, cells);
+    if let Some(mask) = overlay.region {
+        shapes::region(&mut picture, mask, (shapes::TINT, shapes::OUTLINE));
     }
     // What matters more is drawn later.
     let rank = |mark: &Mark| match mark {

@@ -1,9 +1,10 @@
-//! Pictures as PNG and JPEG.
+//! Pictures as PNG, JPEG and WebP.
 
 use crate::{Picture, ViewError};
 use jpeg_encoder::{ColorType, Encoder};
 use std::io::Write;
 use stillpoint_imaging::GrayImage;
+use webp::WebPConfig;
 
 /// Writes a picture as PNG, 8 bits per channel.
 ///
@@ -26,27 +27,33 @@ pub fn write_png<W: Write>(picture: &Picture, sink: W) -> Result<(), ViewError> 
 /// # Errors
 /// [`ViewError::Empty`], also for what is larger than JPEG holds; [`ViewError::Write`].
 pub fn write_jpeg<W: Write>(picture: &Picture, quality: u8, mut sink: W) -> Result<(), ViewError> {
-    let size = (picture.width(), picture.height());
-    let jpeg = jpeg(picture.data(), size, ColorType::Rgb, quality)?;
-    sink.write_all(&jpeg).map_err(ViewError::Write)
-}
-
-/// Pixels as JPEG. The encoder compiles to a third of a megabyte for every kind of sink, so there is one.
-pub(crate) fn jpeg(
-    pixels: &[u8],
-    (w, h): (usize, usize),
-    colour: ColorType,
-    quality: u8,
-) -> Result<Vec<u8>, ViewError> {
+    let (w, h) = (picture.width(), picture.height());
     let (Ok(width @ 1..), Ok(height @ 1..)) = (u16::try_from(w), u16::try_from(h)) else {
         return Err(ViewError::Empty(w, h));
     };
-    let mut bytes = Vec::new();
-    let encoder = Encoder::new(&mut bytes, quality.clamp(1, 100));
+    // The encoder compiles to a third of a megabyte for every kind of sink, so there is one.
+    let mut jpeg = Vec::new();
+    let encoder = Encoder::new(&mut jpeg, quality.clamp(1, 100));
     encoder
-        .encode(pixels, width, height, colour)
+        .encode(picture.data(), width, height, ColorType::Rgb)
         .map_err(|e| ViewError::Write(std::io::Error::other(e)))?;
-    Ok(bytes)
+    sink.write_all(&jpeg).map_err(ViewError::Write)
+}
+
+/// Pixels of three channels as WebP, of a quality in percent and with a method (0 to 6: the higher, the slower and smaller).
+pub(crate) fn webp(
+    pixels: &[u8],
+    (w, h): (usize, usize),
+    (quality, method): (u8, i32),
+) -> Result<Vec<u8>, ViewError> {
+    let (width, height) = size(w, h)?;
+    let mut config = WebPConfig::new().map_err(|()| ViewError::Webp("no encoder".to_owned()))?;
+    config.quality = f32::from(quality);
+    config.method = method;
+    let encoder = webp::Encoder::from_rgb(pixels, width, height);
+    let bytes = encoder.encode_advanced(&config);
+    let bytes = bytes.map_err(|e| ViewError::Webp(format!("{e:?}")))?;
+    Ok(bytes.to_vec())
 }
 
 /// Writes a mask or another grey image as PNG of 8 bits, value by value.

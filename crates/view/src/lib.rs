@@ -48,6 +48,7 @@ pub mod report;
 mod shapes;
 mod speed;
 mod text;
+mod tinted;
 mod verdicts;
 
 pub use animation::{Animation, AnimationOptions};
@@ -55,7 +56,7 @@ pub use colour::Colour;
 pub use draw::{draw, side_by_side};
 pub use encode::{write_jpeg, write_mask, write_png};
 pub use error::ViewError;
-pub use overlay::{CellLabels, Keypoint, Mark, Overlay, OverlayBox};
+pub use overlay::{Keypoint, Mark, Overlay, OverlayBox};
 pub use picture::Picture;
 pub use speed::certain_speed;
 pub use verdicts::{Labels, Style, picture};

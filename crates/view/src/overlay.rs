@@ -3,6 +3,7 @@
 
 use crate::Colour;
 use stillpoint_detection::BoundingBox;
+use stillpoint_imaging::GrayImage;
 
 /// What became of a feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,19 +34,6 @@ pub struct OverlayBox {
     pub quiet: bool,
 }
 
-/// A label for every cell of a grid over the image: the regions that move.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CellLabels<'a> {
-    /// Size of a cell, px: cell (i, j) covers the pixels from `(i * cell, j * cell)`.
-    pub cell: usize,
-    /// Columns of the grid.
-    pub width: usize,
-    /// Rows of the grid.
-    pub height: usize,
-    /// Row by row, `width * height` of them. 0 is not tinted, others with [`Colour::REGION`]; a line runs where the label changes.
-    pub labels: &'a [u16],
-}
-
 /// Everything that is drawn over one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overlay<'a> {
@@ -53,8 +41,8 @@ pub struct Overlay<'a> {
     pub keypoints: &'a [Keypoint],
     /// Objects.
     pub boxes: &'a [OverlayBox],
-    /// Regions that move, tinted.
-    pub cells: Option<CellLabels<'a>>,
+    /// Regions that move, which are tinted and outlined: a mask of the frame's size, above 127 where something moves.
+    pub region: Option<&'a GrayImage>,
     /// One or two words on a plate of a colour, before the caption: whether all is well.
     pub badge: Option<(&'a str, Colour)>,
     /// The state, in a line under the image; empty for none.

@@ -17,6 +17,9 @@ const LEGEND: [(Entry, &str); 8] = [
     (Entry::Region, "moving region"),
 ];
 
+/// What the product is called.
+const NAME: &str = "Stillpoint";
+
 /// What a word of the legend stands beside.
 #[derive(Clone, Copy)]
 enum Entry {
@@ -74,6 +77,25 @@ fn draw_state(picture: &mut Picture, y: usize, text: Text, overlay: &Overlay<'_>
     }
     let words = text.cut(overlay.caption, (pad + room).saturating_sub(x));
     text.write(picture, (x as i64, y as i64), &words, Colour::WHITE);
+    sign(picture, (x + text.width(&words) + 2 * pad, y), text);
+}
+
+/// The product's mark and name at the right end of a line, where they have room behind what ends at `x`.
+fn sign(picture: &mut Picture, (x, y): (usize, usize), text: Text) {
+    let small = text.scaled(0.9);
+    let (mark, wide) = (small.space(1.2), small.width(NAME) + small.space(0.4));
+    let Some(left) = picture.width().checked_sub(wide).filter(|l| *l >= x + mark) else {
+        return;
+    };
+    let middle = (
+        left as f32 - 0.55 * mark as f32,
+        y as f32 + (text.line() - 1) as f32 / 2.0,
+    );
+    let size = mark as f32;
+    shapes::ring(picture, middle, 0.31 * size, 0.09 * size, Colour::UNUSED);
+    shapes::disc(picture, middle, 0.14 * size, Colour::of_number(0));
+    let at = (left as i64, y as i64);
+    small.write(picture, at, NAME, Colour::UNUSED);
 }
 
 impl Entry {
@@ -164,6 +186,22 @@ mod tests {
             assert!(lines.len() <= most, "{width}: {}", lines.len());
             assert!(lines.iter().all(|l| !l.is_empty()));
         }
+    }
+
+    #[test]
+    fn a_picture_is_signed_where_there_is_room() {
+        let signed = |width: usize, caption: &str| {
+            let overlay = Overlay {
+                caption,
+                ..Overlay::default()
+            };
+            let with = with_panel(Picture::new(width, 10, Colour::WHITE), &overlay);
+            let Colour(r, g, b) = Colour::of_number(0);
+            with.data().chunks_exact(3).any(|p| p == [r, g, b])
+        };
+        assert!(signed(640, "frame 3, 185 inliers"));
+        assert!(!signed(640, &"frame 3, 185 inliers, ".repeat(4)));
+        assert!(!signed(64, "f"));
     }
 
     #[test]

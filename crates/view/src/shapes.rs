@@ -1,7 +1,7 @@
-//! Discs, rings, frames and tinted cells.
+//! Discs, rings, frames and tinted regions.
 
-use crate::overlay::CellLabels;
 use crate::{Colour, Picture};
+use stillpoint_imaging::GrayImage;
 
 /// Calls `paint` for the pixels around a point, with their distances from it, px.
 fn around(
@@ -131,49 +131,34 @@ pub(crate) fn plate(
     }
 }
 
-/// How much of the colour is mixed into the pixels of a cell: what is below can still be seen.
+/// How much of the colour is mixed into a region that moves: what is below can still be seen.
 pub(crate) const TINT: f32 = 0.26;
-/// The same at the border to another label.
-const BORDER: f32 = 0.75;
+/// The same along its outline.
+pub(crate) const OUTLINE: f32 = 0.75;
 
-/// Tints labelled cells, with a line of one pixel where the label changes. Cells without a label stay as they are.
-pub(crate) fn cells(picture: &mut Picture, cells: &CellLabels<'_>) {
-    let label = |i: usize, j: usize| {
-        let inside = i < cells.width && j < cells.height;
-        let found = inside.then_some(j.saturating_mul(cells.width).saturating_add(i));
-        found
-            .and_then(|k| cells.labels.get(k))
-            .copied()
-            .unwrap_or(0)
-    };
-    // A cell larger than the picture covers it; a grid that reaches out of it is cut.
-    let size = cells.cell.min(picture.width().max(picture.height()));
-    if size == 0 {
-        return;
-    }
-    let columns = cells.width.min(picture.width().div_ceil(size));
-    for j in 0..cells.height.min(picture.height().div_ceil(size)) {
-        for i in 0..columns {
-            let own = label(i, j);
-            if own == 0 {
-                continue;
-            }
-            let colour = Colour::REGION;
-            let (x, y, size) = ((i * size) as i64, (j * size) as i64, size as i64);
-            picture.fill((x, y), (x + size, y + size), colour, TINT);
-            // Each border is drawn once by the cell before it, and by the cell behind it where the one before has no label.
-            let other = |i: usize, j: usize| label(i, j) != own;
-            if other(i + 1, j) {
-                picture.fill((x + size - 1, y), (x + size, y + size), colour, BORDER);
-            }
-            if other(i, j + 1) {
-                picture.fill((x, y + size - 1), (x + size, y + size), colour, BORDER);
-            }
-            if i == 0 || label(i - 1, j) == 0 {
-                picture.fill((x, y), (x + 1, y + size), colour, BORDER);
-            }
-            if j == 0 || label(i, j - 1) == 0 {
-                picture.fill((x, y), (x + size, y + 1), colour, BORDER);
+/// Tints what a mask covers, with a line along its outline; `tint` and `outline` are how much of the colour is mixed in. The line is smooth: a
+/// pixel has as much of it as its 3x3 neighbourhood is divided. What of the picture lies beyond the mask stays as it is.
+pub(crate) fn region(picture: &mut Picture, mask: &GrayImage, (tint, outline): (f32, f32)) {
+    let (width, height) = (
+        picture.width().min(mask.width()),
+        picture.height().min(mask.height()),
+    );
+    let inside = |x: usize, y: usize| u8::from(mask.at(x, y) > 127);
+    let around = |v: usize, end: usize| v.saturating_sub(1)..(v + 2).min(end);
+    for y in 0..height {
+        // How many of each column's three pixels are inside.
+        let columns: Vec<u8> = (0..width)
+            .map(|x| around(y, height).map(|y| inside(x, y)).sum())
+            .collect();
+        let rows = around(y, height).len();
+        for x in 0..width {
+            let near = around(x, width);
+            let all = (rows * near.len()) as f32;
+            let covered = columns[near].iter().map(|n| f32::from(*n)).sum::<f32>() / all;
+            if covered > 0.0 {
+                let line = outline * (1.0 - (2.0 * covered - 1.0).abs());
+                let fill = tint * f32::from(inside(x, y));
+                picture.blend(x as i64, y as i64, Colour::REGION, fill.max(line));
             }
         }
     }
@@ -290,34 +275,31 @@ mod tests {
     }
 
     #[test]
-    fn cells_are_tinted_and_their_borders_drawn() {
+    fn regions_are_tinted_and_outlined() {
+        let mut mask = GrayImage::new(60, 30);
+        for y in 10..20 {
+            mask.data_mut()[y * 60 + 20..y * 60 + 40].fill(255);
+        }
         let mut p = grey();
-        let labels = [0, 3, 3, 0, 0, 0];
-        let grid = CellLabels {
-            cell: 10,
-            width: 3,
-            height: 2,
-            labels: &labels,
-        };
-        cells(&mut p, &grid);
-        assert_eq!(p.at(5, 5), grey().at(5, 5), "no label");
-        let inner = p.at(15, 5).unwrap();
-        assert_ne!(Some(inner), grey().at(5, 5));
-        assert_eq!(p.at(19, 5), Some(inner), "no border within a segment");
-        assert_eq!(p.at(20, 5), Some(inner), "no border within a segment");
-        for (x, y) in [(10, 5), (29, 5), (15, 0), (15, 9)] {
-            assert_ne!(p.at(x, y), Some(inner), "border at {x} {y}");
+        region(&mut p, &mask, (0.2, 0.8));
+        for untouched in [(5, 5), (17, 15), (30, 7), (42, 15), (30, 35)] {
+            assert_eq!(
+                p.at(untouched.0, untouched.1),
+                grey().at(5, 5),
+                "{untouched:?}"
+            );
         }
-        assert_eq!(p.at(15, 10), grey().at(5, 5));
-        // Grids that claim more than they have.
-        for (cell, width, height) in [(usize::MAX / 2 + 1, 4, 9), (1, usize::MAX, usize::MAX)] {
-            let grid = CellLabels {
-                cell,
-                width,
-                height,
-                labels: &labels,
-            };
-            cells(&mut p, &grid);
+        let red = |x, y| p.at(x, y).unwrap().0;
+        let inner = red(30, 15);
+        assert!(inner > 120 && (23..37).all(|x| red(x, 15) == inner));
+        for (x, y) in [(20, 15), (39, 15), (30, 10), (30, 19)] {
+            assert!(red(x, y) > inner + 30, "outline at {x} {y}: {}", red(x, y));
         }
+        // A picture that is smaller than the mask.
+        region(
+            &mut Picture::new(3, 2, Colour::WHITE),
+            &mask,
+            (TINT, OUTLINE),
+        );
     }
 }

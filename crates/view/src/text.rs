@@ -2,9 +2,8 @@
 
 use crate::{Colour, Picture};
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
+use stillpoint_evaluation::plot::TYPEFACE;
 
-/// Roboto Medium, cut down to what is written here: see `font/README.md`.
-const FONT: &[u8] = include_bytes!("../font/Roboto-Medium.ttf");
 /// Height of a font of size 1 from its highest to its lowest point, which `ab_glyph` scales by.
 const HEIGHT: f32 = 2400.0 / 2048.0;
 /// Height of capitals over the size.
@@ -107,7 +106,7 @@ impl Text {
 
 /// The font. A test holds that it can be read.
 fn font() -> Option<FontRef<'static>> {
-    FontRef::try_from_slice(FONT).ok()
+    FontRef::try_from_slice(TYPEFACE).ok()
 }
 
 #[cfg(test)]

@@ -2,22 +2,22 @@
 
 use crate::colour::Colour;
 use crate::draw::draw;
-use crate::overlay::{CellLabels, Keypoint, Mark, Overlay, OverlayBox};
+use crate::overlay::{Keypoint, Mark, Overlay, OverlayBox};
 use crate::picture::Picture;
 use crate::speed::certain_speed;
 use stillpoint_detection::{Motion, MotionWeights, Object, ObjectState};
 use stillpoint_imaging::RgbdFrame;
-use stillpoint_slam::{FrameReport, MOVER, Outcome, Reasons};
+use stillpoint_slam::{FrameReport, FrameState, MOVER, Outcome, Reasons};
 
-/// Which objects are labelled.
+/// Which objects are drawn, and whether they have names.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Labels {
-    /// Every object.
+    /// Every object with its name: guesses that nothing confirmed, and what stands still, too.
     All,
-    /// Objects of classes that move by themselves, and whatever else is seen moving.
+    /// Confirmed objects of classes that move by themselves, and whatever else is seen moving, with their names.
     #[default]
     Movers,
-    /// None.
+    /// The same without their names.
     None,
 }
 
@@ -26,7 +26,7 @@ pub enum Labels {
 pub struct Style {
     /// No lines under the image, which keeps its size.
     pub bare: bool,
-    /// Which objects have their names.
+    /// Which objects are drawn, and whether they have names.
     pub labels: Labels,
     /// How likely classes of objects are to move.
     pub weights: MotionWeights,
@@ -39,6 +39,12 @@ impl Style {
         let moved =
             || object.motion == Motion::Moving && certain_speed(object, FOR_THINGS).is_some();
         self.weights.get(object.class) >= MOVER || moved()
+    }
+
+    /// Whether it is drawn. What nothing confirmed may be nobody, and what is hidden is not in the image.
+    fn shown(&self, object: &Object) -> bool {
+        let seen = matches!(object.state, ObjectState::Confirmed | ObjectState::Coasting);
+        self.labels == Labels::All || (seen && self.mover(object))
     }
 
     fn labelled(&self, object: &Object) -> bool {
@@ -69,21 +75,21 @@ pub fn picture(frame: &RgbdFrame, report: &FrameReport, style: &Style) -> Pictur
             (x, y, mark)
         })
         .collect();
-    let boxes = overlay_boxes(&report.objects, style);
-    let segments = &report.segments;
-    let caption = caption(report);
+    let shown = |object: &&Object| style.shown(object);
+    let mut objects: Vec<&Object> = report.objects.iter().filter(shown).collect();
+    let weight = |object: &Object| style.weights.get(object.class);
+    objects.sort_by(|a, b| weight(a).total_cmp(&weight(b)));
+    let boxes = objects.into_iter().map(|object| overlay_box(object, style));
+    let boxes: Vec<OverlayBox> = boxes.collect();
+    let mask = (!report.segments.labels.is_empty()).then(|| report.segments.mask(frame));
+    let (caption, badge) = (caption(report), badge(report.state()));
     draw(
         frame,
         &Overlay {
             keypoints: &keypoints,
             boxes: &boxes,
-            cells: (!segments.labels.is_empty()).then_some(CellLabels {
-                cell: segments.cell_px,
-                width: segments.width,
-                height: segments.height,
-                labels: &segments.labels,
-            }),
-            badge: (!style.bare).then(|| badge(report)),
+            region: mask.as_ref(),
+            badge: (!style.bare).then_some((&badge.0, badge.1)),
             caption: if style.bare { "" } else { &caption },
             legend: !style.bare,
         },
@@ -103,16 +109,6 @@ fn colour_of(reasons: Reasons) -> Colour {
     .map_or(Colour::HISTORY, |(_, colour)| colour)
 }
 
-/// The boxes of what is sure to be an object, what is likelier to move last.
-fn overlay_boxes(objects: &[Object], style: &Style) -> Vec<OverlayBox> {
-    let sure = |o: &&Object| o.state != ObjectState::Tentative;
-    let mut objects: Vec<&Object> = objects.iter().filter(sure).collect();
-    let weight = |object: &Object| style.weights.get(object.class);
-    objects.sort_by(|a, b| weight(a).total_cmp(&weight(b)));
-    let boxes = objects.into_iter().map(|object| overlay_box(object, style));
-    boxes.collect()
-}
-
 fn overlay_box(object: &Object, style: &Style) -> OverlayBox {
     let label = if style.labelled(object) {
         label(object)
@@ -130,7 +126,11 @@ fn overlay_box(object: &Object, style: &Style) -> OverlayBox {
 
 /// What it is, and how fast where the rigid test says that it moves and the speed is above its own standard deviation.
 fn label(object: &Object) -> String {
-    let name = format!("{} {}", object.class, object.id.0);
+    let doubt = match object.state {
+        ObjectState::Tentative => "?",
+        ObjectState::Confirmed | ObjectState::Coasting | ObjectState::Hidden => "",
+    };
+    let name = format!("{} {}{doubt}", object.class, object.id.0);
     match object.motion {
         Motion::Parked => name + " parked",
         Motion::Unknown => name,
@@ -141,24 +141,26 @@ fn label(object: &Object) -> String {
     }
 }
 
-/// Whether all is well, in a word.
-fn badge(report: &FrameReport) -> (&'static str, Colour) {
-    match report.outcome {
-        Outcome::Initialised => ("NEW MAP", Colour::of_number(0)),
-        Outcome::Tracked => ("TRACKED", Colour::STATIC),
-        Outcome::Relocalised { .. } => ("FOUND AGAIN", Colour::of_number(0)),
-        Outcome::Carried { .. } => ("CARRIED", Colour::of_number(0)),
-        Outcome::Lost { .. } => ("LOST", Colour::SEMANTIC),
-    }
+/// What became of the frame, in the word of `frames.csv`.
+fn badge(state: FrameState) -> (String, Colour) {
+    let colour = match state {
+        FrameState::Tracked => Colour::STATIC,
+        FrameState::Lost => Colour::SEMANTIC,
+        FrameState::Begun
+        | FrameState::Relocalised
+        | FrameState::Undecided
+        | FrameState::Carried => Colour::of_number(0),
+    };
+    (state.name().to_uppercase(), colour)
 }
 
 /// The state in a line: short, since it stands beside the badge.
 fn caption(report: &FrameReport) -> String {
     let c = &report.counts;
     let mut parts = vec![format!("frame {}", report.frame)];
+    parts.extend(report.loss());
     match report.outcome {
-        Outcome::Lost { reason, .. } => parts.push(reason.to_string()),
-        Outcome::Initialised => {}
+        Outcome::Lost { .. } | Outcome::Initialised => {}
         Outcome::Carried { .. } => parts.push("direction by the gyroscope".to_owned()),
         Outcome::Tracked | Outcome::Relocalised { .. } => {
             parts.push(format!("{} inliers", c.inliers));
@@ -228,17 +230,37 @@ mod tests {
     }
 
     #[test]
-    fn what_may_be_a_false_alarm_is_not_drawn() {
-        let objects = [
-            ObjectState::Tentative,
-            ObjectState::Confirmed,
-            ObjectState::Hidden,
-        ]
-        .map(|state| Object {
-            state,
-            ..object("person", Motion::Unknown, 0.0)
-        });
-        assert_eq!(overlay_boxes(&objects, &Style::default()).len(), 2);
+    fn only_what_is_confirmed_and_moves_is_drawn_unless_all_is_asked_for() {
+        let style = |labels| Style {
+            labels,
+            ..Style::default()
+        };
+        for (class, state, drawn) in [
+            ("person", ObjectState::Confirmed, true),
+            ("person", ObjectState::Coasting, true),
+            ("person", ObjectState::Tentative, false),
+            ("person", ObjectState::Hidden, false),
+            ("chair", ObjectState::Confirmed, false),
+        ] {
+            let mut object = object(class, Motion::Unknown, 0.0);
+            object.state = state;
+            assert_eq!(style(Labels::Movers).shown(&object), drawn, "{object:?}");
+            assert_eq!(style(Labels::None).shown(&object), drawn, "{object:?}");
+            assert!(style(Labels::All).shown(&object));
+        }
+        let carried = object("chair", Motion::Moving, 1.6);
+        assert!(style(Labels::Movers).shown(&carried));
+    }
+
+    #[test]
+    fn banners_have_the_words_of_frames_csv() {
+        let page = include_str!("report/page/data.js");
+        let words = FrameState::ALL.map(|state| format!("\"{}\"", state.name()));
+        let expected = format!("const STATES = [{}];", words.join(", "));
+        assert!(page.contains(&expected), "{expected}");
+        for state in FrameState::ALL {
+            assert_eq!(badge(state).0.to_lowercase(), state.name());
+        }
     }
 
     #[test]

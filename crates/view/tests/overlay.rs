@@ -6,7 +6,7 @@ use stillpoint_detection::{BoundingBox, ClassId, Motion, Object, ObjectId, Objec
 use stillpoint_geometry::{Mat6, Vec3};
 use stillpoint_imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame};
 use stillpoint_view::{
-    CellLabels, Colour, Mark, Overlay, OverlayBox, Picture, certain_speed, draw, side_by_side,
+    Colour, Mark, Overlay, OverlayBox, Picture, certain_speed, draw, side_by_side,
 };
 
 const GREY: u8 = 120;
@@ -342,8 +342,8 @@ proptest! {
         (width, height) in (0usize..90, 0usize..70),
         points in proptest::collection::vec((anything(), anything()), 0..8),
         boxes in proptest::collection::vec((proptest::array::uniform4(anything()), ".{0,30}", any::<bool>()), 0..4),
-        (cell, columns, rows) in (prop_oneof![0usize..20, Just(usize::MAX)], 0usize..8, 0usize..8),
-        labels in proptest::collection::vec(any::<u16>(), 0..40),
+        (columns, rows) in (0usize..110, 0usize..90),
+        values in proptest::collection::vec(any::<u8>(), 1..40),
         caption in ".{0,40}",
     ) {
         let keypoints: Vec<_> = points
@@ -354,11 +354,13 @@ proptest! {
                 (p.0 as f32, p.1 as f32, mark)
             })
             .collect();
+        let values = values.iter().copied().cycle().take(columns * rows);
+        let mask = GrayImage::from_vec(columns, rows, values.collect()).unwrap();
         let boxes: Vec<_> = boxes.iter().map(|(b, label, coasting)| object(*b, label, *coasting)).collect();
         let overlay = Overlay {
             keypoints: &keypoints,
             boxes: &boxes,
-            cells: Some(CellLabels { cell, width: columns, height: rows, labels: &labels }),
+            region: Some(&mask),
             badge: (caption.len() > 20).then_some((&caption, Colour::STATIC)),
             caption: &caption,
             legend: caption.len() % 2 == 0,

@@ -144,13 +144,18 @@ fn nth_table(lines: &[Line], region: &Region) -> Result<(Made, Kept), Failure> {
 
 /// Where a table is from: command, commit, machine, seeds.
 fn said(made: &Made, all: &[Run]) -> String {
-    let each = |of: &dyn Fn(&Run) -> String| -> Option<String> {
-        let values: BTreeSet<String> = all.iter().map(of).collect();
-        let values: Vec<String> = values.into_iter().collect();
-        (!values.is_empty()).then(|| values.join(" and "))
-    };
-    let commit = made.commit.clone().or(each(&|r| r.commit.clone()));
-    let machine = made.machine.clone().or(each(&|r| r.machine.to_string()));
+    let each = |of: &dyn Fn(&Run) -> String| -> BTreeSet<String> { all.iter().map(of).collect() };
+    let joined = |values: Vec<String>| (!values.is_empty()).then(|| values.join(" and "));
+    // A package of others has a version (`pyorbslam3==0.1.1`) in the place of a commit.
+    let programs = each(&|r| r.commit.clone()).into_iter();
+    let (others, own): (Vec<String>, Vec<String>) = programs.partition(|c| c.contains("=="));
+    let own = joined(own).map(|own| match joined(others) {
+        Some(others) => format!("{own} beside {}", others.replace("==", " ")),
+        None => own,
+    });
+    let commit = made.commit.clone().or(own);
+    let machines = each(&|r| r.machine.to_string()).into_iter().collect();
+    let machine = made.machine.clone().or(joined(machines));
     let seeds = all.iter().map(|r| r.key.seed);
     let range = seeds.clone().min().zip(seeds.max());
     let seeds = made.seeds.clone().or(range.map(|(first, last)| {

@@ -260,8 +260,11 @@ impl DemoStage<'_> {
         folder.write("animation.gif", &animation)?;
         // A camera that stands still has no alignment: the plots of both passes show its drift.
         if let (Some(Score::Moving(a)), Some(Score::Moving(b))) = (&off.score, &on.score) {
-            let estimates = [("filter off", &a.ate), ("filter on", &b.ate)];
-            let estimates = estimates.map(|(name, ate)| Compared { name, ate });
+            let estimates = [("filter off", a), ("filter on", b)].map(|(name, e)| Compared {
+                name,
+                ate: &e.ate,
+                rpe: e.rpe.as_ref(),
+            });
             let figure = comparison_figure(&self.scene.scene, &estimates);
             folder.write("comparison.svg", figure.to_svg().as_bytes())?;
             let png = figure.to_png().map_err(Failure::input)?;

@@ -69,6 +69,7 @@ pub(crate) fn of_session(
         run.surface = surface(&fused.mesh);
     }
     run.set_recorded(recorder);
+    run.judge();
     run
 }
 
@@ -115,6 +116,7 @@ pub(crate) fn of_folder(folder: &Path) -> Result<RunData, Failure> {
     run.name = name(input.unwrap_or("run"));
     run.summary = summary;
     run.config = text("config.toml")?;
+    run.judge();
     Ok(run)
 }
 

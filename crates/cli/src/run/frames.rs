@@ -1,67 +1,32 @@
 //! What became of every frame: `frames.csv`, and the stretches in which tracking was lost.
 
-use crate::run::submaps::{MIN_INLIERS, Submap, by_submap, is_posed};
+use crate::run::submaps::{Submap, by_submap, is_posed};
 use crate::run::summary::{LostStretch, StillStretch};
 use std::collections::BTreeMap;
 use stillpoint::datasets::StampedPose;
 use stillpoint::imaging::{FrameId, Standstill, Still};
 use stillpoint::map::{MapView, SubmapId};
-use stillpoint::slam::{FrameReport, Outcome, Trajectory};
+use stillpoint::slam::{FrameReport, FrameState, Outcome, Trajectory};
 
 /// Why a frame has no pose any more.
 const WITHDRAWN: &str = "its pose rode on what moves and was withdrawn";
-
-/// What became of a frame.
-#[derive(Clone, Debug, PartialEq)]
-enum State {
-    /// It began a submap.
-    Begun,
-    /// Its pose was measured.
-    Tracked,
-    /// The camera was found again.
-    Relocalised,
-    /// Its direction was carried by the gyroscope.
-    Carried,
-    /// No pose was found, and why.
-    Lost(String),
-}
-
-impl State {
-    fn name(&self) -> &'static str {
-        match self {
-            Self::Begun => "initialised",
-            Self::Tracked => "tracked",
-            Self::Relocalised => "relocalised",
-            Self::Carried => "carried",
-            Self::Lost(_) => "lost",
-        }
-    }
-}
 
 /// A line of `frames.csv`.
 #[derive(Clone, Debug)]
 struct Line {
     frame: FrameId,
     stamp: f64,
-    state: State,
-    /// Whether it was undecided then who moves.
-    undecided: bool,
+    state: FrameState,
+    /// Whether a map began with it.
+    begins: bool,
+    /// Why it is lost; empty otherwise.
+    loss: String,
     /// The submap that its pose was in when it was measured.
     submap: Option<SubmapId>,
     inliers: u32,
     is_keyframe: bool,
     /// What of it stands still.
     still: Option<Standstill>,
-}
-
-impl Line {
-    fn name(&self) -> &'static str {
-        match self.state {
-            State::Lost(_) => self.state.name(),
-            _ if self.undecided => "undecided",
-            _ => self.state.name(),
-        }
-    }
 }
 
 /// All frames of a run, in order.
@@ -71,23 +36,15 @@ pub(crate) struct Frames(Vec<Line>);
 impl Frames {
     /// Takes a frame's report.
     pub(crate) fn take(&mut self, report: &FrameReport) {
-        let inliers = report.counts.inliers;
-        let state = match report.outcome {
-            Outcome::Lost { reason, .. } => State::Lost(reason.to_string()),
-            Outcome::Initialised => State::Begun,
-            Outcome::Carried { .. } => State::Carried,
-            _ if inliers < MIN_INLIERS => State::Lost(format!("fewer than {MIN_INLIERS} inliers")),
-            Outcome::Tracked => State::Tracked,
-            Outcome::Relocalised { .. } => State::Relocalised,
-        };
-        let lost = matches!(state, State::Lost(_));
+        let state = report.state();
         self.0.push(Line {
             frame: report.frame,
             stamp: report.stamp,
             state,
-            undecided: report.is_undecided(),
-            submap: report.submap.filter(|_| !lost),
-            inliers,
+            begins: report.outcome == Outcome::Initialised,
+            loss: report.loss().unwrap_or_default(),
+            submap: report.submap.filter(|_| state != FrameState::Lost),
+            inliers: report.counts.inliers,
             is_keyframe: report.is_keyframe,
             still: report.still,
         });
@@ -100,18 +57,18 @@ impl Frames {
         for line in &mut self.0 {
             let at = entries.binary_search_by_key(&line.frame, |e| e.frame);
             let posed = at.is_ok_and(|i| is_posed(&entries[i]));
-            let lost = matches!(line.state, State::Lost(_));
+            let lost = line.state == FrameState::Lost;
             if lost && posed {
-                (line.state, line.undecided) = (State::Tracked, true);
+                (line.state, line.loss) = (FrameState::Undecided, String::new());
             } else if !lost && !posed {
-                line.state = State::Lost(WITHDRAWN.into());
+                (line.state, line.loss) = (FrameState::Lost, WITHDRAWN.into());
             }
         }
     }
 
     /// How many frames with a pose were tracked while it was undecided who moves.
     pub(crate) fn undecided(&self) -> usize {
-        let undecided = |l: &&Line| l.undecided && !matches!(l.state, State::Lost(_));
+        let undecided = |l: &&Line| l.state == FrameState::Undecided;
         self.0.iter().filter(undecided).count()
     }
 
@@ -120,25 +77,22 @@ impl Frames {
         let mut stretches: Vec<LostStretch> = Vec::new();
         let mut open: Option<f64> = None;
         for line in &self.0 {
-            match (&line.state, open, stretches.last_mut()) {
-                (State::Lost(_), Some(_), Some(stretch)) => stretch.last = line.frame.0,
-                (State::Lost(reason), ..) => {
+            match (line.state, open, stretches.last_mut()) {
+                (FrameState::Lost, Some(_), Some(stretch)) => stretch.last = line.frame.0,
+                (FrameState::Lost, ..) => {
                     open = Some(line.stamp);
                     stretches.push(LostStretch {
                         first: line.frame.0,
                         last: line.frame.0,
-                        reason: reason.clone(),
+                        reason: line.loss.clone(),
                         seconds: 0.0,
                         then: "the end".into(),
                     });
                 }
-                (state, Some(since), Some(stretch)) => {
+                (_, Some(since), Some(stretch)) => {
                     stretch.seconds = line.stamp - since;
-                    stretch.then = match state {
-                        State::Begun => "a map began",
-                        _ => "found again",
-                    }
-                    .into();
+                    let then = ["found again", "a map began"][usize::from(line.begins)];
+                    stretch.then = then.into();
                     open = None;
                 }
                 _ => {}
@@ -215,8 +169,8 @@ impl Frames {
             let entry = entries.binary_search_by_key(&line.frame, |e| e.frame).ok();
             let last = entry.and_then(|i| view.submap_of(entries[i].pose.reference));
             let id = |submap: Option<SubmapId>| submap.map_or_else(String::new, |p| p.to_string());
-            let reason = match (&line.state, line.still) {
-                (State::Lost(reason), _) => reason.clone(),
+            let reason = match (line.state, line.still) {
+                (FrameState::Lost, _) => line.loss.clone(),
                 (_, Some(still)) => format!("{} stands still", still.what.name()),
                 _ => String::new(),
             };
@@ -224,7 +178,7 @@ impl Frames {
                 "{},{:.6},{},{},{},{},{},{reason}\n",
                 line.frame,
                 line.stamp,
-                line.name(),
+                line.state.name(),
                 id(line.submap),
                 id(last.or(line.submap).filter(|_| line.submap.is_some())),
                 line.inliers,

@@ -156,7 +156,7 @@ fn figures(
 /// The plot of a score: errors of a camera that moves, drift of one that stands still.
 pub(crate) fn score_figure(title: &str, score: &Score, estimate: &[TimedPose]) -> Figure {
     match score {
-        Score::Moving(e) => trajectory_figure(title, &e.ate),
+        Score::Moving(e) => trajectory_figure(title, &e.ate, e.rpe.as_ref()),
         Score::Fixed(_) => drift_figure(title, estimate),
     }
 }

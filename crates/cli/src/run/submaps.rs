@@ -6,10 +6,7 @@ use std::collections::BTreeMap;
 use stillpoint::datasets::StampedPose;
 use stillpoint::imaging::FrameId;
 use stillpoint::map::{MapView, SubmapId};
-use stillpoint::slam::{Trajectory, TrajectoryEntry};
-
-/// Fewer landmarks may agree on a pose by chance: such poses are not written.
-pub(crate) const MIN_INLIERS: u32 = 30;
+use stillpoint::slam::{FrameState, Trajectory, TrajectoryEntry};
 
 /// Poses of one submap, in its own frame of reference.
 pub(crate) struct Submap {
@@ -26,7 +23,7 @@ pub(crate) struct Submap {
 
 /// Whether an entry's pose is to be written.
 pub(super) fn is_posed(entry: &TrajectoryEntry) -> bool {
-    entry.carried || entry.inliers >= MIN_INLIERS
+    entry.carried || entry.inliers >= FrameState::MIN_INLIERS
 }
 
 /// The submaps as `summary.json` has them, each with the file of its poses.

@@ -85,7 +85,7 @@ impl MaskFolder {
     fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) -> Result<(), Failure> {
         let name = format!("{:.6}.png", report.stamp);
         let mut png = Vec::new();
-        write_mask(&report.segments.mask(&frame.depth), &mut png)
+        write_mask(&report.segments.mask(frame), &mut png)
             .map_err(|e| Failure::input(format!("{}: {e}", self.out.join(&name).display())))?;
         self.written += 1;
         self.folder.write(&name, &png)

@@ -25,15 +25,15 @@ const SMOOTH: f64 = 10.0;
 /// Pictures of an animation, at most: some 20 MB. Longer recordings show fewer per second.
 const LONGEST: f64 = 400.0;
 
-/// Which objects are labelled.
+/// Which objects are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Labels {
-    /// Every object.
+    /// Every object: guesses, and what stands still, too.
     All,
-    /// Objects of classes that move by themselves, and whatever else is seen moving.
+    /// Confirmed objects of classes that move by themselves, and whatever else is seen moving.
     #[default]
     Movers,
-    /// None.
+    /// The same without their names.
     None,
 }
 
@@ -58,7 +58,8 @@ pub(crate) struct OverlayOutput {
     /// Draw every N-th frame only.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "overlay", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) overlay_every: u32,
-    /// Which objects are labelled: every one, only those of classes that move by themselves or are seen moving, or none.
+    /// Which objects are drawn: every one (guesses that nothing confirmed, and furniture, too), only confirmed people and what else moves, or
+    /// these without their names.
     #[arg(long, value_name = "WHICH", value_enum, default_value_t = Labels::Movers, requires = "overlay")]
     pub(crate) overlay_labels: Labels,
 }

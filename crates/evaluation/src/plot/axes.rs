@@ -6,6 +6,8 @@ use super::colour::{FRAME, GRID};
 /// Size of tick labels and axis labels, px.
 pub(super) const SMALL: f64 = 12.0;
 pub(super) const LABEL: f64 = 13.0;
+/// Length of a tick, px.
+const TICK: f64 = 4.0;
 
 /// A rectangle of the figure that shows a range of data.
 #[derive(Clone, Debug)]
@@ -88,24 +90,19 @@ impl Axes {
         ]
     }
 
-    /// Grid, tick labels, frame and labels; an empty `x_label` leaves the labels of the x axis out (a panel above another
-    /// one that has them).
+    /// Grid, ticks with their labels, frame and labels of the axes; an empty `x_label` leaves that one out (a panel above another
+    /// one that has it).
     pub(super) fn draw(&self, figure: &mut Figure, x_label: &str, y_label: &str) {
         let [left, top, w, h] = self.area;
         let (bottom, right) = (top + h, left + w);
         let (xs, x_decimals) = ticks(self.x, (w / 60.0).clamp(3.0, 12.0));
-        let (ys, y_decimals) = ticks(self.y, (h / 35.0).clamp(2.0, 8.0));
+        let (ys, y_decimals) = ticks(self.y, (h / 28.0).clamp(2.0, 8.0));
         for &t in &xs {
             let [px, _] = self.at(t, self.y[0]);
             figure.line(vec![[px, top], [px, bottom]], GRID, 1.0);
-            if !x_label.is_empty() {
-                figure.text(
-                    [px, bottom + 17.0],
-                    &format!("{t:.x_decimals$}"),
-                    SMALL,
-                    Anchor::Middle,
-                );
-            }
+            figure.line(vec![[px, bottom], [px, bottom + TICK]], FRAME, 1.0);
+            let text = format!("{t:.x_decimals$}");
+            figure.text([px, bottom + 17.0], &text, SMALL, Anchor::Middle);
         }
         // The label keeps its distance from ticks with many digits.
         let mut offset = 50.0f64;
@@ -113,6 +110,7 @@ impl Axes {
             let [_, py] = self.at(self.x[0], t);
             let text = format!("{t:.y_decimals$}");
             figure.line(vec![[left, py], [right, py]], GRID, 1.0);
+            figure.line(vec![[left - TICK, py], [left, py]], FRAME, 1.0);
             figure.text([left - 7.0, py + 4.3], &text, SMALL, Anchor::End);
             offset = offset.max(super::font::width(&text, SMALL) + 20.0);
         }

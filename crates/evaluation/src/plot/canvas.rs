@@ -1,6 +1,6 @@
 //! A figure: a list of shapes in pixels, origin at the top left, y down.
 
-use super::colour::Colour;
+use super::colour::{Colour, ESTIMATE, FRAME};
 
 /// Where a text stands relative to its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +34,6 @@ pub(super) enum Shape {
         text: String,
         size: f64,
         anchor: Anchor,
-        bold: bool,
         upwards: bool,
     },
 }
@@ -48,13 +47,37 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// An empty figure on white ground.
+    /// A figure on white ground, with nothing but the product's mark and name in its corner.
     pub(super) fn new(width: f64, height: f64) -> Self {
-        Self {
+        let mut figure = Self {
             width,
             height,
             shapes: Vec::new(),
+        };
+        figure.mark([width - 109.0, height - 15.0]);
+        figure.text(
+            [width - 98.0, height - 10.5],
+            "Stillpoint",
+            13.0,
+            Anchor::Start,
+        );
+        figure
+    }
+
+    /// The mark: three arcs that go round, and the point in their middle that stands still.
+    fn mark(&mut self, [x, y]: [f64; 2]) {
+        /// Points of an arc, and its share of a third of the circle.
+        const POINTS: usize = 12;
+        const SHARE: f64 = 0.65;
+        let third = std::f64::consts::TAU / 3.0;
+        for arc in 0..3 {
+            let at = |k: usize| {
+                let turn = third * (f64::from(arc) + SHARE * k as f64 / POINTS as f64);
+                [x + 6.5 * libm::cos(turn), y + 6.5 * libm::sin(turn)]
+            };
+            self.line((0..=POINTS).map(at).collect(), FRAME, 1.5);
         }
+        self.circle([x, y], 2.5, ESTIMATE);
     }
 
     /// Width and height, px (PNG has twice as many).
@@ -109,15 +132,11 @@ impl Figure {
     }
 
     pub(super) fn text(&mut self, at: [f64; 2], text: &str, size: f64, anchor: Anchor) {
-        self.push_text(at, text, (size, anchor), (false, false));
-    }
-
-    pub(super) fn title(&mut self, at: [f64; 2], text: &str, size: f64, anchor: Anchor) {
-        self.push_text(at, text, (size, anchor), (true, false));
+        self.push_text(at, text, (size, anchor), false);
     }
 
     pub(super) fn text_upwards(&mut self, at: [f64; 2], text: &str, size: f64) {
-        self.push_text(at, text, (size, Anchor::Middle), (false, true));
+        self.push_text(at, text, (size, Anchor::Middle), true);
     }
 
     fn push_text(
@@ -125,14 +144,13 @@ impl Figure {
         at: [f64; 2],
         text: &str,
         (size, anchor): (f64, Anchor),
-        (bold, upwards): (bool, bool),
+        upwards: bool,
     ) {
         self.shapes.push(Shape::Text {
             at,
             text: text.to_owned(),
             size,
             anchor,
-            bold,
             upwards,
         });
     }

@@ -1,14 +1,19 @@
-//! Colours.
+//! Colours: those of plots, of which pages and pictures have the same.
 
 /// 8-bit RGB.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Colour(pub(super) u8, pub(super) u8, pub(super) u8);
+pub struct Colour(pub u8, pub u8, pub u8);
 
-pub(super) const INK: Colour = Colour(38, 38, 38);
+/// What is written.
+pub const INK: Colour = Colour(26, 29, 33);
 pub(super) const FRAME: Colour = Colour(120, 120, 120);
 pub(super) const GRID: Colour = Colour(228, 228, 228);
-pub(super) const REFERENCE: Colour = Colour(150, 150, 150);
+/// What is known to be true: wide, under what was estimated, as in the report.
+pub const REFERENCE: Colour = Colour(134, 140, 150);
 pub(super) const WHITE: Colour = Colour(255, 255, 255);
+
+/// What was estimated.
+pub const ESTIMATE: Colour = SERIES[0];
 
 /// Colours of series that stay apart for most colour-blind eyes (Okabe and Ito, 2008).
 pub(super) const SERIES: [Colour; 6] = [

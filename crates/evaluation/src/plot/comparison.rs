@@ -4,7 +4,12 @@ use super::axes::{Axes, LABEL, range};
 use super::canvas::{Anchor, Figure};
 use super::colour::{Colour, REFERENCE, SERIES};
 use super::legend::{Mark, legend};
-use super::trajectory::{NAMES, TITLE, error_unit, runs, widest_axes};
+use super::panels::{
+    HEIGHT, NAMES, Relative, Series, TRUTH_WIDTH, WIDTH, error_unit, height, over_time, position,
+    positions_axes, relative_errors, runs, stamp, truth_from_above,
+};
+use super::trajectory::{TITLE, widest_axes};
+use crate::Rpe;
 use crate::ate::{Ate, PairError};
 use stillpoint_geometry::Vec3;
 
@@ -15,15 +20,21 @@ pub struct Compared<'a> {
     pub name: &'a str,
     /// Its error, aligned for itself.
     pub ate: &'a Ate,
+    /// Its relative error, where there is one.
+    pub rpe: Option<&'a Rpe>,
 }
 
-/// Top view, x, y and z over time, and the error over time of several estimates against the same ground truth.
+/// Top view, x, y and z over time, the error over time, and the relative errors of several estimates against the same ground truth.
 ///
-/// The top view shows the two axes along which the ground truth extends most, at the same scale. Lines break at gaps.
+/// The top view shows the two axes along which the ground truth extends most, at the same scale; so have x, y and z one scale, and all estimates
+/// the same. The ground truth is wide, and seen under what lies on it. Lines break at gaps.
 #[must_use]
 pub fn comparison_figure(title: &str, estimates: &[Compared<'_>]) -> Figure {
-    let mut figure = Figure::new(1200.0, 855.0);
-    figure.title([30.0, 34.0], title, TITLE, Anchor::Start);
+    let relative: Vec<Relative<'_>> = coloured(estimates)
+        .filter_map(|(e, colour)| Some((e.name, colour, e.rpe?)))
+        .collect();
+    let mut figure = Figure::new(1200.0, height(&relative));
+    figure.text([30.0, 34.0], title, TITLE, Anchor::Start);
     let most = estimates.iter().map(|e| e.ate.statistics.max);
     let (unit, factor) = error_unit(most.fold(0.0, f64::max));
     let decimals = if unit == "mm" { 1 } else { 3 };
@@ -39,6 +50,7 @@ pub fn comparison_figure(title: &str, estimates: &[Compared<'_>]) -> Figure {
     top_view(&mut figure, estimates);
     positions(&mut figure, estimates);
     errors(&mut figure, estimates, (unit, factor));
+    relative_errors(&mut figure, times(estimates), &relative);
     figure
 }
 
@@ -48,12 +60,6 @@ fn coloured<'a>(estimates: &'a [Compared<'a>]) -> impl Iterator<Item = (&'a Comp
 
 fn all_pairs<'a>(estimates: &'a [Compared<'a>]) -> impl Iterator<Item = &'a PairError> {
     estimates.iter().flat_map(|e| &e.ate.pairs)
-}
-
-fn marks<'a>(estimates: &'a [Compared<'a>]) -> Vec<(Mark, &'a str)> {
-    coloured(estimates)
-        .map(|(e, colour)| (Mark::Line(colour), e.name))
-        .collect()
 }
 
 /// The ground truth of the estimate that has the most of it.
@@ -76,18 +82,15 @@ fn top_view(figure: &mut Figure, estimates: &[Compared<'_>]) {
     let label = |axis: usize| format!("{} (m)", NAMES[axis]);
     axes.draw(figure, &label(i), &label(j));
     let place = |p: &Vec3| axes.at(p[i], p[j]);
-    for run in runs(truth) {
-        let points = run.iter().map(|p| place(&p.reference)).collect();
-        figure.line(points, REFERENCE, 2.6);
-    }
+    truth_from_above(figure, truth, place);
     for (estimate, colour) in coloured(estimates) {
-        for run in runs(&estimate.ate.pairs) {
+        for run in runs(&estimate.ate.pairs, stamp) {
             let points = run.iter().map(|p| place(&p.estimate)).collect();
             figure.line(points, colour, 1.6);
         }
     }
-    let mut marks = marks(estimates);
-    marks.insert(0, (Mark::Line(REFERENCE), "ground truth"));
+    let mut marks = vec![(Mark::Wide(REFERENCE), "ground truth")];
+    marks.extend(coloured(estimates).map(|(e, colour)| (Mark::Line(colour), e.name)));
     legend(figure, [585.0, 85.0], &marks);
 }
 
@@ -100,46 +103,45 @@ fn times(estimates: &[Compared<'_>]) -> (f64, [f64; 2]) {
 
 fn positions(figure: &mut Figure, estimates: &[Compared<'_>]) {
     let (start, x) = times(estimates);
-    for (axis, name) in NAMES.iter().enumerate() {
-        let axes = Axes {
-            area: [715.0, 85.0 + 155.0 * axis as f64, 455.0, 140.0],
-            x,
-            y: range(
-                all_pairs(estimates).flat_map(|p| [p.reference[axis], p.estimate[axis]]),
-                0.08,
-            ),
-        };
-        let label = if axis == 2 { "time (s)" } else { "" };
-        axes.draw(figure, label, &format!("{name} (m)"));
-        let mut draw = |pairs: &[PairError], of: fn(&PairError) -> Vec3, colour, width| {
-            for run in runs(pairs) {
-                let at = |p: &PairError| axes.at(p.stamp - start, of(p)[axis]);
-                figure.line(run.iter().map(at).collect(), colour, width);
-            }
-        };
-        draw(truth(estimates), |p| p.reference, REFERENCE, 2.6);
+    let values = |axis: usize| {
+        let both = all_pairs(estimates).flat_map(|p| [p.reference[axis], p.estimate[axis]]);
+        both.collect()
+    };
+    let panels = positions_axes(figure, x, values);
+    for (axis, axes) in panels.iter().enumerate() {
+        let place = (axes, axis, start);
+        let truth = truth(estimates);
+        position(
+            figure,
+            place,
+            (truth, |p| p.reference),
+            (REFERENCE, TRUTH_WIDTH),
+        );
         for (estimate, colour) in coloured(estimates) {
-            draw(&estimate.ate.pairs, |p| p.estimate, colour, 1.3);
+            let pairs = &estimate.ate.pairs;
+            position(figure, place, (pairs, |p| p.estimate), (colour, WIDTH));
         }
     }
 }
 
 fn errors(figure: &mut Figure, estimates: &[Compared<'_>], (unit, factor): (&str, f64)) {
     let (start, x) = times(estimates);
-    let most = all_pairs(estimates).map(|p| p.error).fold(0.0, f64::max);
-    let axes = Axes {
-        area: [85.0, 625.0, 1085.0, 180.0],
-        x,
-        y: [0.0, (most * factor * 1.1).max(1e-6)],
-    };
-    axes.draw(figure, "time (s)", &format!("error ({unit})"));
-    for (estimate, colour) in coloured(estimates) {
-        for run in runs(&estimate.ate.pairs) {
-            let at = |p: &PairError| axes.at(p.stamp - start, p.error * factor);
-            figure.line(run.iter().map(at).collect(), colour, 1.5);
+    let series = coloured(estimates).map(|(estimate, colour)| {
+        let lines = runs(&estimate.ate.pairs, stamp).into_iter();
+        let lines = lines.map(|run| {
+            let points = run.iter().map(|p| [p.stamp - start, p.error * factor]);
+            points.collect()
+        });
+        Series {
+            name: estimate.name,
+            colour,
+            lines: lines.collect(),
+            rmse: estimate.ate.statistics.rmse * factor,
         }
-    }
-    legend(figure, [1170.0, 625.0], &marks(estimates));
+    });
+    let series: Vec<Series<'_>> = series.collect();
+    let label = format!("error ({unit})");
+    over_time(figure, (HEIGHT - 230.0, 180.0), (x, &label), &series);
 }
 
 #[cfg(test)]
@@ -173,10 +175,12 @@ mod tests {
         let off = Compared {
             name: "filter off",
             ate: &bad,
+            rpe: None,
         };
         let on = Compared {
             name: "filter on",
             ate: &good,
+            rpe: None,
         };
         let svg = comparison_figure("a room", &[off, on]).to_svg();
         for part in [

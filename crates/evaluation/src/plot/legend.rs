@@ -8,6 +8,7 @@ use super::colour::{Colour, FRAME, INK, WHITE, map};
 #[derive(Clone, Copy)]
 pub(super) enum Mark {
     Line(Colour),
+    Wide(Colour),
     Dashed(Colour),
     Ring,
 }
@@ -22,6 +23,7 @@ pub(super) fn legend(figure: &mut Figure, [x, y]: [f64; 2], entries: &[(Mark, &s
         let line = vec![[left, row], [left + MARK, row]];
         match mark {
             Mark::Line(colour) => figure.line(line, *colour, 2.4),
+            Mark::Wide(colour) => figure.line(line, *colour, super::panels::TRUTH_WIDTH),
             Mark::Dashed(colour) => figure.dashed(line, *colour, 1.6),
             Mark::Ring => ring(figure, [left + 0.5 * MARK, row]),
         }

@@ -1,7 +1,7 @@
 //! Pictures of trajectories, errors and times, as SVG and PNG.
 //!
-//! Answers: what an evaluation looks like. Each figure is a list of shapes that two small writers draw; text is text in
-//! SVG, and strokes of a built-in font in PNG, so that no system fonts are needed.
+//! Answers: what an evaluation looks like. Each figure is a list of shapes that two small writers draw; text is in
+//! the project's own typeface, which SVG carries with it, so that no system fonts are needed.
 
 mod axes;
 mod canvas;
@@ -9,13 +9,16 @@ mod colour;
 mod comparison;
 mod font;
 mod legend;
+mod panels;
 mod png;
 mod svg;
 mod timing;
 mod trajectory;
 
 pub use canvas::Figure;
+pub use colour::{Colour, ESTIMATE, INK, REFERENCE};
 pub use comparison::{Compared, comparison_figure};
+pub use font::TYPEFACE;
 pub use png::PlotError;
 pub use timing::{Series, timing_figure};
 pub use trajectory::{drift_figure, poses_figure, trajectory_figure};

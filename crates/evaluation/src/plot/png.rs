@@ -2,7 +2,7 @@
 
 use super::canvas::{Anchor, Figure, Shape};
 use super::colour::{Colour, INK};
-use super::font;
+use super::font::{self, Step};
 use tiny_skia::{
     Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, StrokeDash,
     Transform,
@@ -93,7 +93,6 @@ fn draw(image: &mut Pixmap, shape: &Shape) {
             text,
             size,
             anchor,
-            bold,
             upwards,
         } => {
             let back = match anchor {
@@ -109,8 +108,7 @@ fn draw(image: &mut Pixmap, shape: &Shape) {
                 .post_concat(Transform::from_rotate(turn))
                 .post_translate(*x as f32, *y as f32)
                 .post_concat(scale);
-            let weight = size * if *bold { 0.125 } else { 0.085 };
-            image.stroke_path(&path, &paint(INK), &stroke(weight), transform, None);
+            image.fill_path(&path, &paint(INK), FillRule::Winding, transform, None);
         }
     }
 }
@@ -127,11 +125,13 @@ fn polyline(points: &[[f64; 2]]) -> Option<Path> {
 
 fn text_path(text: &str, size: f64) -> Option<Path> {
     let mut path = PathBuilder::new();
-    font::strokes(text, size, &mut |step| match step {
-        font::Step::Move([x, y]) => path.move_to(x as f32, y as f32),
-        font::Step::Line([x, y]) => path.line_to(x as f32, y as f32),
-        font::Step::Curve([cx, cy], [x, y]) => {
-            path.quad_to(cx as f32, cy as f32, x as f32, y as f32);
+    let at = |p: [f64; 2]| (p[0] as f32, p[1] as f32);
+    font::outlines(text, size, &mut |step| match step {
+        Step::Move(p) => path.move_to(at(p).0, at(p).1),
+        Step::Line(p) => path.line_to(at(p).0, at(p).1),
+        Step::Quad(c, p) => path.quad_to(at(c).0, at(c).1, at(p).0, at(p).1),
+        Step::Cubic(c, d, p) => {
+            path.cubic_to(at(c).0, at(c).1, at(d).0, at(d).1, at(p).0, at(p).1);
         }
     });
     path.finish()

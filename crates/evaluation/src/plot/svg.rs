@@ -1,13 +1,19 @@
 //! Figures as SVG.
 
 use super::canvas::{Anchor, Figure, Shape};
-use super::colour::Colour;
+use super::colour::{Colour, INK, WHITE};
+use super::font::TYPEFACE;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
 
 pub(super) fn write(figure: &Figure) -> String {
     let (w, h) = (figure.width, figure.height);
+    let (paper, ink, font) = (hex(WHITE), hex(INK), STANDARD.encode(TYPEFACE));
     let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" font-family=\"DejaVu Sans, Helvetica, Arial, sans-serif\" fill=\"#262626\">\n<rect width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n"
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" font-family=\"Roboto, sans-serif\" fill=\"{ink}\">\n\
+         <style>@font-face {{ font-family: Roboto; src: url(data:font/ttf;base64,{font}); }}</style>\n\
+         <rect width=\"{w}\" height=\"{h}\" fill=\"{paper}\"/>\n"
     );
     for shape in &figure.shapes {
         svg += &element(shape);
@@ -76,7 +82,6 @@ fn element(shape: &Shape) -> String {
             text,
             size,
             anchor,
-            bold,
             upwards,
         } => {
             let anchor = match anchor {
@@ -84,14 +89,13 @@ fn element(shape: &Shape) -> String {
                 Anchor::Middle => "middle",
                 Anchor::End => "end",
             };
-            let weight = if *bold { " font-weight=\"bold\"" } else { "" };
             let turn = if *upwards {
                 format!(" transform=\"rotate(-90 {x:.2} {y:.2})\"")
             } else {
                 String::new()
             };
             format!(
-                "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{weight}{turn}>{}</text>",
+                "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{turn}>{}</text>",
                 escape(text)
             )
         }

@@ -42,7 +42,7 @@ pub fn timing_figure(title: &str, series: &[Series<'_>]) -> Figure {
     let rows: Vec<_> = entries.chunks(PER_ROW).collect();
     let area_top = 62.0 + 20.0 * rows.len() as f64;
     let mut figure = Figure::new(1200.0, area_top + 420.0);
-    figure.title([30.0, 34.0], title, TITLE, Anchor::Start);
+    figure.text([30.0, 34.0], title, TITLE, Anchor::Start);
     let frames = series.iter().map(|s| s.milliseconds.len()).max();
     let axes = Axes {
         area: [85.0, area_top, 1085.0, 360.0],

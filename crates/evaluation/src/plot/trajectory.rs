@@ -2,28 +2,18 @@
 
 use super::axes::{Axes, LABEL, range};
 use super::canvas::{Anchor, Figure};
-use super::colour::{REFERENCE, SERIES, map};
+use super::colour::{ESTIMATE, REFERENCE, map};
 use super::legend::{Mark, colour_bar, legend, ring};
+use super::panels::{
+    HEIGHT, NAMES, Relative, Series, TRUTH_WIDTH, WIDTH, error_unit, height, over_time, position,
+    positions_axes, relative_errors, runs, stamp, truth_from_above,
+};
 use crate::ate::{Ate, PairError};
-use crate::{Statistics, TimedPose};
+use crate::{Rpe, Statistics, TimedPose};
 use stillpoint_geometry::{Alignment, Se3, Vec3};
 
 /// Size of a title, px.
 pub(super) const TITLE: f64 = 18.0;
-pub(super) const NAMES: [&str; 3] = ["x", "y", "z"];
-
-/// Millimetres, or metres when errors are that large: unit and factor.
-pub(super) fn error_unit(max: f64) -> (&'static str, f64) {
-    if max < 2.0 { ("mm", 1e3) } else { ("m", 1.0) }
-}
-
-/// Runs of pairs without a gap in time: within them, lines are drawn.
-pub(super) fn runs(pairs: &[PairError]) -> Vec<&[PairError]> {
-    let mut steps: Vec<f64> = pairs.windows(2).map(|w| w[1].stamp - w[0].stamp).collect();
-    steps.sort_unstable_by(f64::total_cmp);
-    let gap = 3.5 * steps.get(steps.len() / 2).copied().unwrap_or_default();
-    pairs.chunk_by(|a, b| b.stamp - a.stamp <= gap).collect()
-}
 
 /// The two axes along which the ground truth extends most (the estimate, when the ground truth stands still), in their
 /// order.
@@ -50,12 +40,13 @@ pub(super) fn widest_axes(pairs: &[PairError]) -> (usize, usize) {
     }
 }
 
-/// Top view coloured by error, x, y and z over time, and the error over time.
+/// Top view coloured by error, x, y and z over time, the error over time, and the relative errors where there are any.
 ///
-/// The top view shows the two axes along which the ground truth extends most, at the same scale. Lines break at gaps.
+/// The top view shows the two axes along which the ground truth extends most, at the same scale; so have x, y and z one scale. The ground truth
+/// is wide, and seen under what lies on it. Lines break at gaps.
 #[must_use]
-pub fn trajectory_figure(title: &str, ate: &Ate) -> Figure {
-    draw(title, ate, "ATE RMSE")
+pub fn trajectory_figure(title: &str, ate: &Ate, rpe: Option<&Rpe>) -> Figure {
+    draw(title, (ate, rpe), "ATE RMSE")
 }
 
 /// The same for an estimate of a camera that stands still: nothing is aligned, and the error is the distance from the
@@ -64,7 +55,7 @@ pub fn trajectory_figure(title: &str, ate: &Ate) -> Figure {
 pub fn drift_figure(title: &str, estimate: &[TimedPose]) -> Figure {
     let first = estimate.first().copied();
     let ate = unaligned(estimate, |p| first.as_ref().unwrap_or(p));
-    draw(title, &ate, "fixed camera, not aligned: drift RMS")
+    draw(title, (&ate, None), "fixed camera, not aligned: drift RMS")
 }
 
 /// An estimate without ground truth: top view coloured by time, and x, y and z over time.
@@ -72,9 +63,9 @@ pub fn drift_figure(title: &str, estimate: &[TimedPose]) -> Figure {
 pub fn poses_figure(title: &str, estimate: &[TimedPose]) -> Figure {
     let trail = unaligned(estimate, |p| p);
     let mut figure = Figure::new(1200.0, 600.0);
-    figure.title([30.0, 34.0], title, TITLE, Anchor::Start);
+    figure.text([30.0, 34.0], title, TITLE, Anchor::Start);
     let (start, [_, end]) = times(&trail);
-    let length: f64 = runs(&trail.pairs)
+    let length: f64 = runs(&trail.pairs, stamp)
         .iter()
         .flat_map(|run| run.windows(2))
         .map(|w| (w[1].estimate - w[0].estimate).norm())
@@ -110,11 +101,16 @@ fn unaligned<'a>(estimate: &'a [TimedPose], truth: impl Fn(&'a TimedPose) -> &'a
     }
 }
 
-fn draw(title: &str, ate: &Ate, measure: &str) -> Figure {
-    let mut figure = Figure::new(1200.0, 855.0);
+fn draw(title: &str, (ate, rpe): (&Ate, Option<&Rpe>), measure: &str) -> Figure {
+    let rpe = rpe.filter(|rpe| !rpe.errors.is_empty());
+    let relative: Vec<Relative<'_>> = rpe
+        .map(|rpe| ("relative error", ESTIMATE, rpe))
+        .into_iter()
+        .collect();
+    let mut figure = Figure::new(1200.0, height(&relative));
     let s = &ate.statistics;
     let (unit, factor) = error_unit(s.max);
-    figure.title([30.0, 34.0], title, TITLE, Anchor::Start);
+    figure.text([30.0, 34.0], title, TITLE, Anchor::Start);
     let decimals = if unit == "mm" { 1 } else { 3 };
     let show = |v: f64| format!("{:.decimals$}", v * factor);
     let summary = format!(
@@ -130,6 +126,7 @@ fn draw(title: &str, ate: &Ate, measure: &str) -> Figure {
     top_view(&mut figure, ate, (true, &error, s.max * factor, &label));
     positions(&mut figure, ate, true);
     errors(&mut figure, ate);
+    relative_errors(&mut figure, times(ate), &relative);
     figure
 }
 
@@ -156,21 +153,18 @@ fn top_view(figure: &mut Figure, ate: &Ate, (with_truth, value, full, label): Sh
         &format!("{} (m)", NAMES[j]),
     );
     let place = |p: &Vec3| axes.at(p[i], p[j]);
-    let runs = runs(&ate.pairs);
     let mut marks = vec![(Mark::Line(map(0.35)), "estimate"), (Mark::Ring, "start")];
     if with_truth {
-        marks.insert(0, (Mark::Line(REFERENCE), "ground truth"));
-        for run in &runs {
-            let points = run.iter().map(|p| place(&p.reference)).collect();
-            figure.line(points, REFERENCE, 1.6);
-        }
+        marks.insert(0, (Mark::Wide(REFERENCE), "ground truth"));
+        truth_from_above(figure, &ate.pairs, place);
     }
+    let runs = runs(&ate.pairs, stamp);
     for w in runs.iter().flat_map(|run| run.windows(2)) {
         let share = 0.5 * (value(&w[0]) + value(&w[1])) / full.max(f64::MIN_POSITIVE);
         figure.line(
             vec![place(&w[0].estimate), place(&w[1].estimate)],
             map(share),
-            2.6,
+            2.2,
         );
     }
     if let Some(first) = ate.pairs.first() {
@@ -190,34 +184,30 @@ fn times(ate: &Ate) -> (f64, [f64; 2]) {
 
 fn positions(figure: &mut Figure, ate: &Ate, with_truth: bool) {
     let (start, x) = times(ate);
-    for (axis, name) in NAMES.iter().enumerate() {
-        let values = ate
-            .pairs
+    let pairs = &ate.pairs;
+    let values = |axis: usize| {
+        let both = pairs
             .iter()
             .flat_map(|p| [p.reference[axis], p.estimate[axis]]);
-        let axes = Axes {
-            area: [715.0, 85.0 + 155.0 * axis as f64, 455.0, 140.0],
-            x,
-            y: range(values, 0.08),
-        };
-        let label = if axis == 2 { "time (s)" } else { "" };
-        axes.draw(figure, label, &format!("{name} (m)"));
-        for run in runs(&ate.pairs) {
-            let points = |f: fn(&PairError) -> Vec3| {
-                run.iter()
-                    .map(|p| axes.at(p.stamp - start, f(p)[axis]))
-                    .collect::<Vec<_>>()
-            };
-            if with_truth {
-                figure.line(points(|p| p.reference), REFERENCE, 2.6);
-            }
-            figure.line(points(|p| p.estimate), SERIES[0], 1.3);
+        both.collect()
+    };
+    let panels = positions_axes(figure, x, values);
+    for (axis, axes) in panels.iter().enumerate() {
+        let place = (axes, axis, start);
+        if with_truth {
+            position(
+                figure,
+                place,
+                (pairs, |p| p.reference),
+                (REFERENCE, TRUTH_WIDTH),
+            );
         }
+        position(figure, place, (pairs, |p| p.estimate), (ESTIMATE, WIDTH));
     }
     if with_truth {
         let marks = [
-            (Mark::Line(REFERENCE), "ground truth"),
-            (Mark::Line(SERIES[0]), "estimate"),
+            (Mark::Wide(REFERENCE), "ground truth"),
+            (Mark::Line(ESTIMATE), "estimate"),
         ];
         legend(figure, [1170.0, 85.0], &marks);
     }
@@ -226,29 +216,17 @@ fn positions(figure: &mut Figure, ate: &Ate, with_truth: bool) {
 fn errors(figure: &mut Figure, ate: &Ate) {
     let (start, x) = times(ate);
     let (unit, factor) = error_unit(ate.statistics.max);
-    let top = (ate.statistics.max * factor * 1.1).max(1e-6);
-    let axes = Axes {
-        area: [85.0, 625.0, 1085.0, 180.0],
-        x,
-        y: [0.0, top],
+    let lines = runs(&ate.pairs, stamp).into_iter();
+    let lines = lines.map(|run| {
+        let points = run.iter().map(|p| [p.stamp - start, p.error * factor]);
+        points.collect()
+    });
+    let series = Series {
+        name: "error",
+        colour: ESTIMATE,
+        lines: lines.collect(),
+        rmse: ate.statistics.rmse * factor,
     };
-    axes.draw(figure, "time (s)", &format!("error ({unit})"));
-    for run in runs(&ate.pairs) {
-        let points = run
-            .iter()
-            .map(|p| axes.at(p.stamp - start, p.error * factor))
-            .collect();
-        figure.line(points, SERIES[0], 1.5);
-    }
-    let rmse = ate.statistics.rmse * factor;
-    figure.dashed(
-        vec![axes.at(x[0], rmse), axes.at(x[1], rmse)],
-        SERIES[1],
-        1.6,
-    );
-    let marks = [
-        (Mark::Line(SERIES[0]), "error"),
-        (Mark::Dashed(SERIES[1]), "RMSE"),
-    ];
-    legend(figure, [1170.0, 625.0], &marks);
+    let label = format!("error ({unit})");
+    over_time(figure, (HEIGHT - 230.0, 180.0), (x, &label), &[series]);
 }

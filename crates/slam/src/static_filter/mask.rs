@@ -1,51 +1,321 @@
 //! The regions that move as an image: pixel by pixel, by the surface that each pixel shows.
 
+use super::outline::{STEP, Sample, Window, refine};
+use super::segments::joined;
 use super::{Segments, cells};
-use stillpoint_imaging::{DepthImage, GrayImage};
+use stillpoint_imaging::{CoarseDepth, DepthImage, GrayImage, RgbdFrame};
 
 /// What a mask holds where the scene moves; 0 where it stands still.
 const MOVING: u8 = 255;
+/// Cells around a region that its outline may reach into.
+const MARGIN: usize = 5;
+/// What a pixel's own cell is preferred by to those around it, m.
+const OTHER: f32 = 0.01;
+/// Beyond a hole that is narrower, cells, is what the surface beside it is compared with: the shadow of somebody near is as wide.
+const HOLE: usize = 6;
+/// Share of a region's border beyond which the scene goes on farther away, at least: it is half of that of somebody who sits on something.
+const SET_APART: f64 = 0.5;
+/// Inverse depths of a plane change evenly to within this, 1/m, and this share of their change: four standard deviations of a Kinect's, and the middle of
+/// a cell that is not where its depth was measured.
+const EVEN: [f32; 2] = [0.006, 0.3];
+/// Weight of a pixel whose surface is not known, beside 1 of the others: a region is not filled up by holes.
+const UNKNOWN: f32 = 0.1;
+
+/// How the border of a region goes on beside it, in sides of cells.
+#[derive(Clone, Copy, Debug, Default)]
+struct Border {
+    /// On the same surface.
+    joined: usize,
+    /// On one farther away.
+    farther: usize,
+}
+
+impl Border {
+    /// Takes the depths of a cell of the region, of the one beside it that is not, and of the one on its other side, m.
+    fn add(&mut self, here: f32, there: f32, before: f32) {
+        if joined(here, there) || is_plane([before, here, there]) {
+            self.joined += 1;
+        } else if here > 0.0 && there > here {
+            self.farther += 1;
+        }
+    }
+
+    fn sets_apart(self) -> bool {
+        self.farther as f64 >= SET_APART * (self.farther + self.joined) as f64 && self.farther > 0
+    }
+}
+
+/// Whether the depths of three cells in a row, m, are those of a plane, however oblique: their inverses change evenly then.
+fn is_plane(depths: [f32; 3]) -> bool {
+    let [before, here, there] = depths.map(f32::recip);
+    let slope = (here - before).abs();
+    depths.iter().all(|z| *z > 0.0)
+        && (here - before - (there - here)).abs() < EVEN[0] + EVEN[1] * slope
+}
 
 impl Segments {
-    /// An image of `depth`'s size: 255 where the scene moves, 0 where it stands still or nothing is known. `depth` is that of the
-    /// frame that the regions are of.
+    /// An image of the frame's size: 255 where the scene moves, 0 where it stands still or nothing is known. The frame is that which
+    /// the regions are of.
     ///
     /// A pixel belongs to the cell around it whose depth is nearest to its own, so that the border of the mask is that of the
-    /// surface and not that of cells. A pixel without depth belongs to the cell that it lies in.
+    /// surface and not that of cells. A pixel without depth belongs to the cell that it lies in. The border is then brought to the
+    /// edges of the image and made smooth, by a guided filter. A region that nothing sets apart from the surface around it is a part of
+    /// a wall, and is left out.
     #[must_use]
-    pub fn mask(&self, depth: &DepthImage) -> GrayImage {
-        let (width, height) = (depth.width(), depth.height());
-        let mut mask = GrayImage::new(width, height);
+    pub fn mask(&self, frame: &RgbdFrame) -> GrayImage {
+        let depth = &frame.depth;
+        let mut mask = GrayImage::new(depth.width(), depth.height());
         if self.labels.iter().all(|l| *l == 0) {
             return mask;
         }
         let grid = cells::coarse(depth);
-        let around = |cell: usize, end: usize| cell.saturating_sub(1)..(cell + 2).min(end);
-        for y in 0..height {
-            for x in 0..width {
-                let home = (x / self.cell_px, y / self.cell_px);
-                let z = depth.at(x, y);
-                // Of a cell's width the surface itself may slope by this much.
-                let mut nearest = (0.05 + 0.03 * z, None);
-                for j in around(home.1, self.height) {
-                    for i in around(home.0, self.width) {
-                        let other = grid.get(i, j).unwrap_or(0.0);
-                        let gap = (other - z).abs() + if (i, j) == home { 0.0 } else { 0.01 };
-                        if z > 0.0 && other > 0.0 && gap < nearest.0 {
-                            nearest = (gap, Some((i, j)));
-                        }
-                    }
-                }
-                let (i, j) = match nearest.1 {
-                    Some(cell) => cell,
-                    None if z > 0.0 => continue,
-                    None => home,
-                };
-                if i < self.width && self.labels.get(j * self.width + i).is_some_and(|l| *l > 0) {
-                    mask.data_mut()[y * width + x] = MOVING;
-                }
+        // Regions of an image of another size tell nothing of this one.
+        if (self.width, self.labels.len()) != (grid.width(), grid.data().len()) {
+            return mask;
+        }
+        let things = self.things(&grid);
+        let Some(window) = self.window(&things, depth) else {
+            return mask;
+        };
+        let rough = self.rough(&things, (depth, &grid), &window);
+        let refined = refine(&frame.gray, &window, rough);
+        let width = mask.width();
+        let inside = refined.chunks_exact(window.columns.len());
+        for (y, inside) in window.rows.clone().zip(inside) {
+            let row = &mut mask.data_mut()[y * width..][window.columns.clone()];
+            for (pixel, inside) in row.iter_mut().zip(inside) {
+                *pixel = if *inside { MOVING } else { 0 };
             }
         }
         mask
+    }
+
+    /// Which cells belong to a thing: to a region with an outline of its own, behind which the scene goes on farther away. A patch of a wall is joined to
+    /// the rest of it.
+    fn things(&self, grid: &CoarseDepth) -> Vec<bool> {
+        let regions = self.labels.iter().max().map_or(0, |l| usize::from(*l));
+        let mut borders = vec![Border::default(); regions + 1];
+        let depth = grid.data();
+        for here in (0..self.labels.len()).filter(|i| self.labels[*i] > 0) {
+            for way in [[1, 0], [-1, 0], [0, 1], [0, -1]] {
+                let hole = |cell: &usize| depth[*cell] <= 0.0;
+                let Some(there) = self.along(here, way).take(HOLE).find(|c| !hole(c)) else {
+                    continue;
+                };
+                if self.labels[there] == 0 {
+                    let before = self.along(here, way.map(|d| -d)).next();
+                    let before = before.map_or(0.0, |before| depth[before]);
+                    let border = &mut borders[usize::from(self.labels[here])];
+                    border.add(depth[here], depth[there], before);
+                }
+            }
+        }
+        let is_thing = |label: &u16| *label > 0 && borders[usize::from(*label)].sets_apart();
+        self.labels.iter().map(is_thing).collect()
+    }
+
+    /// The cells that follow one in a direction, to the border of the image.
+    fn along(&self, cell: usize, [dx, dy]: [isize; 2]) -> impl Iterator<Item = usize> {
+        let (width, height) = (self.width, self.height);
+        let next = move |(x, y): &(usize, usize)| {
+            let (x, y) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
+            (x < width && y < height).then_some((x, y))
+        };
+        std::iter::successors(next(&(cell % width, cell / width)), next)
+            .map(move |(x, y)| y * width + x)
+    }
+
+    /// The pixels around all cells of things; none where there are none.
+    fn window(&self, things: &[bool], depth: &DepthImage) -> Option<Window> {
+        let cells = || (0..things.len()).filter(|i| things[*i]);
+        let range = |of: &dyn Fn(usize) -> usize, count: usize, end: usize| {
+            let (first, last) = (cells().map(of).min()?, cells().map(of).max()?);
+            // What is left beyond the last whole cell belongs to it.
+            let whole = last + 1 + MARGIN >= count;
+            let end = if whole {
+                end
+            } else {
+                (last + 1 + MARGIN) * self.cell_px
+            };
+            Some(first.saturating_sub(MARGIN) * self.cell_px..end)
+        };
+        Some(Window {
+            columns: range(&|i| i % self.width, self.width, depth.width())?,
+            rows: range(&|i| i / self.width, self.height, depth.height())?,
+        })
+    }
+
+    /// What depth says of the samples of a window.
+    fn rough(
+        &self,
+        things: &[bool],
+        (depth, grid): (&DepthImage, &CoarseDepth),
+        window: &Window,
+    ) -> Vec<Sample> {
+        let [w, h] = window.samples();
+        let mut samples = vec![Sample::default(); w * h];
+        let near: Vec<bool> = (0..things.len())
+            .map(|i| {
+                self.around((i % self.width, i / self.width))
+                    .any(|j| things[j])
+            })
+            .collect();
+        for (j, y) in window.rows.clone().enumerate() {
+            let samples = &mut samples[j / STEP * w..][..w];
+            // Windows begin with a cell, and cells are whole samples.
+            for (sample, columns) in samples.iter_mut().zip(window.columns.clone().step_by(STEP)) {
+                let columns = columns..(columns + STEP).min(window.columns.end);
+                if self
+                    .home((columns.start, y))
+                    .is_some_and(|home| !near[home])
+                {
+                    let known = columns.map(|x| depth.at(x, y) > 0.0);
+                    sample.weight += known.map(|k| if k { 1.0 } else { UNKNOWN }).sum::<f32>();
+                    continue;
+                }
+                for x in columns {
+                    let z = depth.at(x, y);
+                    let surface = self.surface_of((x, y), z, grid);
+                    let weight = if surface.is_some() { 1.0 } else { UNKNOWN };
+                    let cell = surface.or(self.home((x, y)).filter(|_| z <= 0.0));
+                    sample.weight += weight;
+                    sample.inside += cell.filter(|c| things[*c]).map_or(0.0, |_| weight);
+                }
+            }
+        }
+        samples
+    }
+
+    /// The cell that a pixel lies in; none in what is left beyond the last whole cell.
+    fn home(&self, (x, y): (usize, usize)) -> Option<usize> {
+        let (i, j) = (x / self.cell_px, y / self.cell_px);
+        (i < self.width && j < self.height).then_some(j * self.width + i)
+    }
+
+    /// The cells around one, itself among them.
+    fn around(&self, (i, j): (usize, usize)) -> impl Iterator<Item = usize> {
+        let range = |v: usize, end: usize| v.saturating_sub(1)..(v + 2).min(end);
+        let (columns, width) = (range(i, self.width), self.width);
+        range(j, self.height).flat_map(move |j| columns.clone().map(move |i| j * width + i))
+    }
+
+    /// The cell whose surface a pixel of depth `z` shows; none without depth, and where it is none of those around it.
+    fn surface_of(&self, pixel: (usize, usize), z: f32, grid: &CoarseDepth) -> Option<usize> {
+        let (home, depths) = (self.home(pixel), grid.data());
+        let gap = |cell: usize| (depths[cell] - z).abs();
+        if z <= 0.0 {
+            return None;
+        }
+        // No other is preferred to it.
+        if let Some(home) = home.filter(|h| depths[*h] > 0.0 && gap(*h) <= OTHER) {
+            return Some(home);
+        }
+        // Of a cell's width the surface itself may slope by this much.
+        let mut nearest = (0.05 + 0.03 * z, None);
+        for cell in self.around((pixel.0 / self.cell_px, pixel.1 / self.cell_px)) {
+            let gap = gap(cell) + if Some(cell) == home { 0.0 } else { OTHER };
+            if depths[cell] > 0.0 && gap < nearest.0 {
+                nearest = (gap, Some(cell));
+            }
+        }
+        nearest.1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_imaging::FrameId;
+
+    const W: usize = 160;
+    const H: usize = 120;
+    const CELLS: [usize; 2] = [20, 15];
+
+    /// Somebody round before a wall.
+    fn person(x: usize, y: usize) -> bool {
+        let [dx, dy] = [x as f64 - 81.3, y as f64 - 58.7];
+        dx * dx / (27.0 * 27.0) + dy * dy / (38.0 * 38.0) < 1.0
+    }
+
+    fn frame(depth: impl Fn(usize, usize) -> f32) -> RgbdFrame {
+        let pixels = || (0..W * H).map(|i| (i % W, i / W));
+        let noise = |x: usize, y: usize| ((x * 7919 + y * 104_729) % 23) as u8;
+        let grey = |(x, y)| if person(x, y) { 70 } else { 150 } + noise(x, y);
+        RgbdFrame {
+            id: FrameId(0),
+            stamp: 0.0,
+            depth_stamp: 0.0,
+            gray: GrayImage::from_vec(W, H, pixels().map(grey).collect()).unwrap(),
+            colour: None,
+            depth: DepthImage::from_vec(W, H, pixels().map(|(x, y)| depth(x, y)).collect())
+                .unwrap(),
+        }
+    }
+
+    /// The regions of cells whose middles are chosen.
+    fn segments(chosen: impl Fn(usize, usize) -> bool) -> Segments {
+        let middle = |i: usize| (i % CELLS[0] * 8 + 4, i / CELLS[0] * 8 + 4);
+        let label = |i: usize| u16::from(chosen(middle(i).0, middle(i).1));
+        Segments {
+            cell_px: 8,
+            width: CELLS[0],
+            height: CELLS[1],
+            labels: (0..CELLS[0] * CELLS[1]).map(label).collect(),
+        }
+    }
+
+    fn wrong(mask: &GrayImage) -> usize {
+        let is = |i: &usize| (mask.data()[*i] > 0) != person(i % W, i / W);
+        (0..W * H).filter(is).count()
+    }
+
+    #[test]
+    fn the_outline_is_that_of_the_surface_though_its_depth_is_torn() {
+        let torn = |x: usize, y: usize| (x * 31 + y * 17) % 5 == 0;
+        let depth = |x: usize, y: usize| match person(x, y) {
+            true => 1.5,
+            // The shadow beside who is nearer to the camera than what is behind.
+            false if x < 81 && person(x + 6, y) => 0.0,
+            false if torn(x, y) && person(x.saturating_sub(3), y) => 1.5,
+            false => 3.0,
+        };
+        let mask = segments(person).mask(&frame(depth));
+        // Of 3200 px and an outline of 205.
+        assert!(wrong(&mask) < 60, "{} px", wrong(&mask));
+        let (labels, cells) = (segments(person).labels, |i: usize| {
+            i % W / 8 + i / W / 8 * CELLS[0]
+        });
+        let coarse = (0..W * H).map(|i| if labels[cells(i)] > 0 { MOVING } else { 0 });
+        let coarse = GrayImage::from_vec(W, H, coarse.collect()).unwrap();
+        assert!(wrong(&coarse) > 300, "{} px", wrong(&coarse));
+    }
+
+    #[test]
+    fn a_patch_of_a_wall_is_no_thing() {
+        let masked = |found: Segments, depth: fn(usize, usize) -> f32| {
+            let mask = found.mask(&frame(depth));
+            mask.data().iter().filter(|v| **v > 0).count()
+        };
+        assert_eq!(masked(segments(person), |_, _| 3.0), 0);
+        assert_eq!(masked(segments(|_, _| false), |_, _| 3.0), 0);
+        // Nor is what lies behind something.
+        let behind = |x, y| if person(x, y) { 3.0 } else { 1.5 };
+        assert_eq!(masked(segments(person), behind), 0);
+        let before = |x, y| if person(x, y) { 1.5 } else { 3.0 };
+        assert!(masked(segments(person), before) > 3000);
+    }
+
+    #[test]
+    fn images_that_are_no_multiple_of_cells_are_masked_to_their_end() {
+        let mut found = frame(|_, _| 1.0);
+        let (w, h) = (W + 5, H + 3);
+        found.gray = GrayImage::new(w, h);
+        let depth = (0..w * h).map(|i| if i % w < 40 { 3.0 } else { 1.5 });
+        found.depth = DepthImage::from_vec(w, h, depth.collect()).unwrap();
+        let mask = segments(|x, _| x >= 40).mask(&found);
+        let row = |y: usize| mask.row(y).iter().filter(|v| **v > 0).count();
+        for y in 0..h {
+            assert!((123..=127).contains(&row(y)), "{y}: {}", row(y));
+        }
     }
 }

@@ -19,6 +19,11 @@ const SHARES: [f32; 5] = [
     COUPLING / 4.0,
 ];
 
+/// Whether the depths of two neighbouring cells, m, are of one surface.
+pub(super) fn joined(a: f32, b: f32) -> bool {
+    a > 0.0 && b > 0.0 && (a - b).abs() < 0.02 + 0.025 * a.min(b)
+}
+
 /// Which neighbours each cell is joined to.
 #[derive(Default)]
 pub(super) struct Links {
@@ -46,7 +51,6 @@ impl Links {
 
     /// The same, reusing the memory.
     pub(super) fn rebuild(&mut self, cells: &Cells, depth: &[f32]) {
-        let joined = |a: f32, b: f32| a > 0.0 && b > 0.0 && (a - b).abs() < 0.02 + 0.025 * a.min(b);
         let (w, h) = (cells.width, cells.height);
         let bits = &mut self.bits;
         bits.clear();

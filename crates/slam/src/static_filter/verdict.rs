@@ -100,6 +100,14 @@ impl FeatureVerdict {
         }
     }
 
+    /// Brings the verdict to whether its pixel is in the mask of what moves. Reasons for the opposite are dropped.
+    pub(crate) fn follow(&mut self, moves: bool) {
+        if self.dynamic != moves {
+            self.dynamic = moves;
+            self.reasons = [Reasons::default(), Reasons::RIGID][usize::from(moves)];
+        }
+    }
+
     /// Whether the feature may become or confirm a landmark.
     #[must_use]
     pub fn may_map(&self) -> bool {

@@ -1,13 +1,13 @@
 //! The frames of a run that goes on, each with a pose that follows the map.
 
 use super::ledger::Ledger;
-use crate::report::{Column, FrameColumns, FrameState};
+use crate::report::{Column, FrameColumns};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{KeyframeId, MapView, SubmapId};
-use stillpoint_slam::{AnchoredPose, FrameReport, Health, Outcome};
+use stillpoint_slam::{AnchoredPose, FrameReport, FrameState, Health};
 
 /// Frames that are shown, at most: ten minutes at 30 Hz. Of longer runs every second one is shown, again and again.
 const MOST_FRAMES: usize = 18_000;
@@ -161,7 +161,7 @@ impl Frames {
         }
         let row = Row {
             seconds: (report.stamp - first) as f32,
-            state: state(report),
+            state: report.state(),
             inliers: u16::try_from(report.counts.inliers).unwrap_or(u16::MAX),
             moving: report.counts.moving_share() as f32,
             sigma_mm: health.sigma_m().map_or(f32::NAN, |m| (1e3 * m) as f32),
@@ -271,18 +271,6 @@ impl Frames {
 fn apart(a: &Se3, b: &Se3) -> bool {
     let turned = (a.rotation.coords - b.rotation.coords).norm();
     (a.translation - b.translation).norm() > STILL || turned > STILL / 2.0
-}
-
-fn state(report: &FrameReport) -> FrameState {
-    match report.outcome {
-        Outcome::Lost { .. } => FrameState::Lost,
-        Outcome::Initialised => FrameState::Begun,
-        Outcome::Tracked if report.undecided.is_some() => FrameState::Undecided,
-        // A direction that was carried is as little certain.
-        Outcome::Carried { .. } => FrameState::Undecided,
-        Outcome::Tracked => FrameState::Tracked,
-        Outcome::Relocalised { .. } => FrameState::Relocalised,
-    }
 }
 
 /// Frames that are new, or whose pose moved.

@@ -21,6 +21,7 @@ use crate::report::{
     Column, Mark, MarkKind, ObjectColumns, SurfaceColumns, Thumbnails, features, mark_of,
     objects_of, page,
 };
+use crate::tinted::tinted;
 use frames::Frames;
 use ledger::Ledger;
 use scene::MapScene;
@@ -31,8 +32,7 @@ use stillpoint_slam::{Event, FrameReport, Health, Outcome, Subscriber};
 
 /// What happened that is told, at most; the oldest give way.
 const MOST_MARKS: usize = 500;
-/// Width of the picture, px, at most, and its bytes on average: ten a second take 1.3 Mbit/s as text.
-const PICTURE_WIDTH: usize = 320;
+/// Bytes of the picture on average: ten a second take 1.3 Mbit/s as text.
 const PICTURE_BYTES: usize = 12_000;
 
 /// The page of a run that goes on: the run's name is its title. It asks for `events` beside itself, as server-sent events: `update` with an
@@ -80,7 +80,7 @@ impl LivePage {
             view: None,
             behind: false,
             first_id: 0,
-            thumbnails: Thumbnails::new(PICTURE_WIDTH, PICTURE_BYTES),
+            thumbnails: Thumbnails::new(PICTURE_BYTES),
         }
     }
 
@@ -213,6 +213,7 @@ impl LivePage {
     }
 
     fn show(&mut self, frame: &RgbdFrame, report: &FrameReport) {
+        let frame = &*tinted(frame, &report.segments);
         let image = [frame.gray.width(), frame.gray.height()];
         let size = self.thumbnails.size(image[0], image[1]);
         let mut objects = ObjectColumns::default();
@@ -223,7 +224,7 @@ impl LivePage {
             frame: report.frame.0,
             image: image.map(|n| n as u32),
             size: [size.0 as u32, size.1 as u32],
-            jpeg: Column(self.thumbnails.make(frame)),
+            webp: Column(self.thumbnails.make(frame)),
             features: features(report, image.map(|n| n as f32)),
             objects,
         };

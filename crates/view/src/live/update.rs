@@ -4,7 +4,7 @@ use super::frames::FrameUpdate;
 use super::scene::MapUpdate;
 use crate::report::{Column, Mark, ObjectColumns, SurfaceColumns};
 use serde::{Deserialize, Serialize};
-use stillpoint_slam::{FrameReport, Health, Outcome};
+use stillpoint_slam::{FrameReport, FrameState, Health};
 
 /// What is new since a version of the page.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -56,8 +56,8 @@ pub struct PictureUpdate {
     pub image: [u32; 2],
     /// Width and height of the picture, px.
     pub size: [u32; 2],
-    /// The picture as JPEG.
-    pub jpeg: Column<u8>,
+    /// The picture as WebP.
+    pub webp: Column<u8>,
     /// Column and row in 255ths of the image, and [`Said`](crate::report::Said), of one in four features that stand still, and all that move.
     pub features: Column<u8>,
     /// Objects in this frame.
@@ -98,7 +98,9 @@ pub struct Now {
     pub set_aside: u32,
     /// Answers of the detector.
     pub detections: u64,
-    /// What became of the newest frame: see [`FrameState`](crate::report::FrameState).
+    /// What became of the newest frame: the word of [`FrameState`].
+    pub state: String,
+    /// Whether that is lost.
     pub lost: bool,
     /// Whether it is undecided who moves.
     pub undecided: bool,
@@ -125,7 +127,9 @@ pub struct Now {
 impl Now {
     /// Takes what is known of a frame.
     pub(super) fn set_health(&mut self, report: &FrameReport, health: &Health) {
-        self.lost = matches!(report.outcome, Outcome::Lost { .. });
+        let state = report.state();
+        self.state = state.name().to_owned();
+        self.lost = state == FrameState::Lost;
         self.undecided = health.undecided;
         self.quality = health.quality.value();
         self.sigma_mm = health.sigma_m().map(|m| 1e3 * m);
@@ -134,6 +138,9 @@ impl Now {
         self.detections_age = health.detections_age;
         self.map_age = health.map_age;
         self.still = health.still.as_ref().map(ToString::to_string);
-        self.loss = health.loss.as_ref().map(ToString::to_string);
+        self.loss = match &health.loss {
+            Some(loss) => Some(loss.to_string()),
+            None => report.loss(),
+        };
     }
 }

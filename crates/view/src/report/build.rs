@@ -1,12 +1,13 @@
 //! Puts together what a report shows when a run is over.
 
 use super::columns::Column;
-use super::model::{FrameState, Mark, MarkKind, ObjectColumns, Pictures, RunData, SurfaceColumns};
+use super::model::{Mark, MarkKind, ObjectColumns, Pictures, RunData, SurfaceColumns};
 use super::recorder::{ONE_IN, ReportRecorder, SeenObject};
 use std::collections::BTreeMap;
 use stillpoint_detection::Motion;
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_map::{MapView, SubmapId};
+use stillpoint_slam::FrameState;
 
 /// Landmarks in a report, at most; 13 bytes each.
 const MOST_LANDMARKS: usize = 60_000;
@@ -130,7 +131,7 @@ impl RunData {
         let mut objects = ObjectColumns::default();
         for (frame, shown) in recorder.shown() {
             pictures.frame.0.push(frame.0);
-            pictures.jpeg.push(shown.jpeg.clone());
+            pictures.webp.push(shown.webp.clone());
             pictures.features.push(shown.features.clone());
             let pose = at.get(&frame.0).and_then(|i| self.pose(*i));
             for object in &shown.objects {

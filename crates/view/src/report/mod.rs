@@ -9,15 +9,19 @@ mod columns;
 mod marks;
 mod model;
 mod recorder;
+mod style;
 mod thumbnail;
+mod verdict;
 
 pub use build::FrameRow;
 pub use columns::{Column, Number};
 pub use model::{
-    FrameColumns, FrameState, KeyframeColumns, MapColumns, Mark, MarkKind, ObjectColumns, Pictures,
-    RunData, Said, SurfaceColumns,
+    FrameColumns, KeyframeColumns, MapColumns, Mark, MarkKind, ObjectColumns, Pictures, RunData,
+    Said, SurfaceColumns,
 };
 pub use recorder::ReportRecorder;
+pub use stillpoint_slam::FrameState;
+pub use verdict::{Concern, Verdict};
 
 pub(crate) use build::{numbers, triple};
 pub(crate) use marks::mark_of;
@@ -27,11 +31,14 @@ pub(crate) use thumbnail::Thumbnails;
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/style.css");
 /// In the order in which they use each other.
-const SCRIPTS: [&str; 8] = [
+const SCRIPTS: [&str; 11] = [
     include_str!("page/data.js"),
     include_str!("page/numbers.js"),
+    include_str!("page/stages.js"),
+    include_str!("page/compare.js"),
     include_str!("page/scene.js"),
     include_str!("page/view3d.js"),
+    include_str!("page/plan.js"),
     include_str!("page/timeline.js"),
     include_str!("page/picture.js"),
     include_str!("page/worst.js"),
@@ -72,12 +79,13 @@ pub(crate) fn page(title: &str, data: &str, is_live: bool) -> String {
     let last: &[&str] = if is_live { &LIVE } else { &[REPORT] };
     let script = [&SCRIPTS[..], last].concat().join("\n");
     let connect = if is_live { "; connect-src 'self'" } else { "" };
-    let mut page = String::with_capacity(PAGE.len() + STYLE.len() + script.len() + data.len());
+    let style = style::style(STYLE);
+    let mut page = String::with_capacity(PAGE.len() + style.len() + script.len() + data.len());
     let mut rest = PAGE;
     for (name, text) in [
         ("{{connect}}", connect),
         ("{{title}}", &*escaped(title)),
-        ("{{style}}", STYLE),
+        ("{{style}}", &*style),
         ("{{data}}", data),
         ("{{script}}", &*script),
     ] {

@@ -1,6 +1,7 @@
 //! What a report holds: a run as plain data.
 
 use super::columns::Column;
+use super::verdict::Verdict;
 use serde::{Deserialize, Serialize};
 
 /// A run as its report has it. Lengths are metres, times seconds unless a name says otherwise; the world is that of the run's poses. What
@@ -12,6 +13,9 @@ pub struct RunData {
     pub name: String,
     /// `summary.json`.
     pub summary: serde_json::Value,
+    /// How it went: see [`RunData::judge`].
+    #[serde(default)]
+    pub verdict: Verdict,
     /// The configuration, as `config.toml` has it.
     pub config: String,
     /// How to run it again.
@@ -47,7 +51,7 @@ pub struct FrameColumns {
     pub id: Column<u32>,
     /// Time since the first frame, s.
     pub seconds: Column<f32>,
-    /// What became of it: see [`FrameState`].
+    /// What became of it: see [`FrameState`](super::FrameState).
     pub state: Column<u8>,
     /// Landmarks that agree with the pose.
     pub inliers: Column<u16>,
@@ -70,37 +74,6 @@ pub struct FrameColumns {
     /// True position in the run's world: three numbers per frame; only where it is known.
     #[serde(default, skip_serializing_if = "Column::is_empty")]
     pub truth: Column<f32>,
-}
-
-/// What became of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum FrameState {
-    /// No pose was found, or it was withdrawn.
-    Lost = 0,
-    /// It began a map.
-    Begun = 1,
-    /// Its pose was measured.
-    Tracked = 2,
-    /// The camera was found again.
-    Relocalised = 3,
-    /// It has a pose, from a time at which it was undecided who moves, or one whose direction was carried by a gyroscope.
-    Undecided = 4,
-}
-
-impl FrameState {
-    /// From its name in `frames.csv`.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Some(match name {
-            "lost" => Self::Lost,
-            "initialised" => Self::Begun,
-            "tracked" => Self::Tracked,
-            "relocalised" => Self::Relocalised,
-            "undecided" | "carried" => Self::Undecided,
-            _ => return None,
-        })
-    }
 }
 
 /// Landmarks.
@@ -205,8 +178,8 @@ pub struct Pictures {
     pub size: [u32; 2],
     /// Numbers of the frames.
     pub frame: Column<u32>,
-    /// JPEG each.
-    pub jpeg: Vec<Column<u8>>,
+    /// WebP each.
+    pub webp: Vec<Column<u8>>,
     /// Features of each: column and row in 255ths of the image, and [`Said`].
     pub features: Vec<Column<u8>>,
     /// One in so many of the features that stand still is there; of those that move, all.

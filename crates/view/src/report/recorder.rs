@@ -11,8 +11,9 @@ use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_slam::{Event, FrameReport, Health, Outcome, Reasons, Subscriber};
 
 use crate::certain_speed;
+use crate::tinted::tinted;
 
-/// Pictures, at most: for a run of ten minutes 12 MB. Of longer runs every second one is kept, again and again.
+/// Pictures, at most: a page of 10 MB for a run of an hour. Of longer runs every second one is kept, again and again.
 const MOST_PICTURES: usize = 1200;
 /// Pictures of the first frames of losses beside these, at most.
 const MOST_LOSSES: usize = 40;
@@ -49,7 +50,7 @@ pub(super) struct Seen {
 /// A frame with its picture.
 #[derive(Clone, Debug)]
 pub(super) struct Shown {
-    pub(super) jpeg: Column<u8>,
+    pub(super) webp: Column<u8>,
     pub(super) features: Column<u8>,
     pub(super) objects: Vec<SeenObject>,
 }
@@ -137,10 +138,11 @@ impl ReportRecorder {
         if !turn && !begins_loss {
             return;
         }
+        let frame = &*tinted(frame, &report.segments);
         let (width, height) = (frame.gray.width(), frame.gray.height());
         self.image = [width as u32, height as u32];
         let shown = Shown {
-            jpeg: Column(self.thumbnails.make(frame)),
+            webp: Column(self.thumbnails.make(frame)),
             features: features(report, [width as f32, height as f32]),
             objects: objects_of(report).collect(),
         };

@@ -70,6 +70,33 @@ fn losses_have_a_reason_a_length_and_an_end() {
     assert_eq!(lost[1].reason, "fewer than 30 inliers");
 }
 
+/// Pictures, pages and `frames.csv` have their words from one place.
+#[test]
+fn words_are_those_of_the_reports() {
+    let carried = Outcome::Carried { since: FrameId(8) };
+    let mut reports = vec![
+        report(0, Outcome::Initialised, Some(0), 200),
+        report(1, Outcome::Tracked, Some(0), 150),
+        // Much moves, and little holds the pose.
+        report(2, Outcome::Tracked, Some(0), 40),
+        report(3, Outcome::Tracked, Some(0), 29),
+        report(4, carried, Some(0), 3),
+    ];
+    (reports[2].counts.keypoints, reports[2].counts.dynamic) = (100, 50);
+    let mut frames = Frames::default();
+    reports.iter().for_each(|r| frames.take(r));
+    let csv = frames.to_csv(&Trajectory::default(), &MapView::default());
+    let written = csv.lines().skip(1).filter_map(|l| l.split(',').nth(2));
+    let expected: Vec<&str> = reports.iter().map(|r| r.state().name()).collect();
+    assert_eq!(written.collect::<Vec<_>>(), expected);
+    let words = ["initialised", "tracked", "undecided", "lost", "carried"];
+    assert_eq!(expected, words);
+    for state in FrameState::ALL {
+        assert_eq!(FrameState::from_name(state.name()), Some(state));
+        assert_eq!(FrameState::ALL[state as usize], state);
+    }
+}
+
 #[test]
 fn states_follow_what_became_of_the_frames_later() {
     let mut frames = Frames::default();

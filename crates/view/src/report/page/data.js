@@ -15,7 +15,7 @@ const column = {
   f32: (text) => new Float32Array(bytesOf(text).buffer),
 };
 
-const STATES = ["lost", "new map", "tracked", "found again", "undecided"];
+const STATES = ["lost", "initialised", "tracked", "relocalised", "undecided", "carried"];
 const LOST = 0, UNDECIDED = 4;
 
 /// One run. Frames go by their index, 0 to count - 1; `at` gives it from a frame's number.
@@ -115,7 +115,7 @@ class Run {
       image = new Image();
       image.addEventListener("load", () => image.waiting.splice(0).forEach((f) => f()));
       image.waiting = [];
-      image.src = "data:image/jpeg;base64," + this.data.pictures.jpeg[picture];
+      image.src = "data:image/webp;base64," + this.data.pictures.webp[picture];
       this.images.set(picture, image);
       if (this.images.size > 400) this.images.delete(this.images.keys().next().value);
     }

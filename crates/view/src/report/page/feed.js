@@ -6,33 +6,30 @@ const PACE = { frame: 60, numbers: 400, timeline: 500, map: 700 };
 
 const feed = { updates: 0, state: "waiting", dirty: new Set(), painted: {}, rates: [], waiting: false };
 
-function say(state, text) {
+function tell(state, text) {
   feed.state = state;
-  const status = byId("status");
-  if (status.textContent !== text) status.textContent = text;
-  status.className = `status ${state}`;
+  say(state, text);
 }
 
 function startLive() {
   prepare();
   follow(true);
   byId("live").hidden = false;
-  byId("status").hidden = false;
   inReport(false);
-  say("waiting", "Waiting for the first frame.");
+  tell("waiting", "Waiting for the first frame.");
   const source = new EventSource("events");
   source.addEventListener("update", (e) => take(JSON.parse(e.data)));
   source.addEventListener("report", (e) => finish(source, new Run(JSON.parse(e.data)), ""));
   source.addEventListener("end", (e) => finish(source, null, JSON.parse(e.data)));
   source.addEventListener("error", () => {
-    if (feed.state !== "over") say("away", "The connection is lost; it is tried again. What is shown is what was known before.");
+    if (feed.state !== "over") tell("away", "The connection is lost; it is tried again. What is shown is what was known before.");
   });
   document.addEventListener("visibilitychange", wake);
 }
 
 /// Shows or hides what only the report of a run has.
 function inReport(shown) {
-  for (const id of ["worst-section", "tables-section", "layer-truth"]) byId(id).hidden = !shown;
+  for (const id of ["worst-section", "tables-section", "stages-section", "layer-truth"]) byId(id).hidden = !shown;
   document.body.classList.toggle("live", !shown);
 }
 
@@ -65,6 +62,7 @@ function begin(run) {
   byId("command").textContent = run.data.command;
   byId("config").textContent = run.data.config;
   page.timeline.load(run);
+  if (page.is3d) page.plan.load(run, []);
   if (first) {
     view.load(run, []);
     openAt(location.hash);
@@ -93,11 +91,15 @@ function paintDue() {
   };
   if (feed.state === "over" || !run.now) return;
   if (turn("marks")) showMarks(run);
-  if (turn("map")) page.view.grow();
+  if (turn("map")) {
+    page.view.grow();
+    page.plan.grow();
+  }
   if (turn("surface")) page.view.growSurface();
   if (turn("timeline")) {
     page.timeline.refresh();
     page.view.paintWay();
+    page.plan.paintWay();
   }
   if (turn("numbers")) showNow(run);
   if (turn("frame")) {
@@ -115,31 +117,31 @@ function showNow(run) {
   const warnings = [...m.troubles.map((t) => `A thread is in trouble: ${t}.`)];
   if (now.still) warnings.push(`${now.still[0].toUpperCase()}${now.still.slice(1)}.`);
   if (m.silent_s > 1) warnings.push(`No frame for ${fixed(m.silent_s, 0)} s.`);
-  byId("warnings").hidden = !warnings.length;
-  byId("warnings").replaceChildren(...warnings.map((w) => element("li", {}, w)));
-  if (!now.frames) say("waiting", "Waiting for the first frame.");
-  else if (now.lost) say("lost", now.loss ? now.loss[0].toUpperCase() + now.loss.slice(1) : "Lost");
-  else say("live", "Live: the camera is tracked.");
+  showRemarks(warnings);
+  if (!now.frames) tell("waiting", "Waiting for the first frame.");
+  else if (now.lost) tell("lost", now.loss ? now.loss[0].toUpperCase() + now.loss.slice(1) : "Lost");
+  else tell("live", `Live: ${now.state}.`);
 }
 
 /// The run is over. Its report takes the place of what was gathered here, where there is one.
 function finish(source, report, text) {
   source.close();
-  if (!page.run) return say("over", "The run has ended.");
+  if (!page.run) return tell("over", "The run has ended.");
   if (report) {
-    const at = page.run.count && !page.following ? page.run.id[page.frame] : Infinity;
+    const at = page.run.count && !page.following ? page.run.id[page.frame] : null;
     report.label = report.name;
     page.runs = [report];
     const view = page.view, camera = page.is3d && view.touched && { ...view.scene };
     inReport(true);
     select(report);
     if (camera) for (const name of ["target", "distance", "yaw", "pitch"]) view.scene[name] = camera[name];
-    go(report.at(at));
+    if (at !== null) go(report.at(at)); else if (page.notable.length) go(page.notable[0][1]);
   } else {
     feed.painted = {};
     paintDue();
   }
-  say("over", report ? "The run has ended. This is its report; report.html in the result folder is the same." : `The run has ended. ${text}`);
+  feed.state = "over";
+  say(report ? report.data.verdict.concern : "", `The run has ended. ${report ? report.data.verdict.text : text}`);
   document.title = `${page.run.label} - Stillpoint`;
   follow(false);
   byId("live").hidden = true;

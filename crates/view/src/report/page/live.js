@@ -49,10 +49,10 @@ const TYPES = { u8: Uint8Array, u16: Uint16Array, u32: Uint32Array, f32: Float32
 
 class LiveRun extends Run {
   constructor(about) {
-    super({ name: about.name, summary: {}, config: about.config, command: about.command, image: [0, 0], time_is: about.time_is, marks: [],
+    super({ name: about.name, summary: {}, verdict: {}, config: about.config, command: about.command, image: [0, 0], time_is: about.time_is, marks: [],
       frames: { first_stamp: 0, id: "", seconds: "", state: "", inliers: "", moving: "", sigma_mm: "", quality: "", time_ms: "", error_mm: "", pose: "", truth: "" },
       map: { count: 0, position: "", frame: "", stands_still: "" }, keyframes: { id: "", pose: "", loops: "" },
-      objects: NOTHING, pictures: { size: [0, 0], one_in: 4, frame: "", jpeg: [], features: [] } });
+      objects: NOTHING, pictures: { size: [0, 0], one_in: 4, frame: "", webp: [], features: [] } });
     this.isLive = true;
     this.about = about;
     this.label = about.name;
@@ -174,7 +174,7 @@ class LiveRun extends Run {
     if (this.pictureFrame.length && this.pictureFrame[this.pictureFrame.length - 1] >= news.frame) return;
     const { pictures } = this.data;
     [this.data.image, pictures.size] = [news.image, news.size];
-    pictures.jpeg.push(news.jpeg);
+    pictures.webp.push(news.webp);
     pictures.features.push(news.features);
     this.pictureFrame.push(news.frame);
     this.pictureAt.push(this.at(news.frame));
@@ -191,26 +191,21 @@ class LiveRun extends Run {
       kept.moves = track.moves;
       if (kept.length) this.tracks.set(id, kept); else this.tracks.delete(id);
     }
-    [pictures.jpeg, pictures.features] = [pictures.jpeg.filter(keep), pictures.features.filter(keep)];
+    [pictures.webp, pictures.features] = [pictures.webp.filter(keep), pictures.features.filter(keep)];
     [this.pictureFrame, this.pictureAt] = [this.pictureFrame.filter(keep), this.pictureAt.filter(keep)];
     this.images.clear();
   }
 }
 
-/// What stands in the head of the page while a run goes on.
+/// What stands in the head of the page while a run goes on: six figures, as in its report.
 function liveFigures(run, rate) {
   const now = run.now, list = [], m = now.measured, lost = now.frames - now.posed;
   list.push(["Frames with a pose", `${now.posed} of ${now.frames}`, run.about.frames ? `${run.about.frames} in all` : lost ? `${lost} without` : "none lost", now.lost]);
-  list.push(["Speed", `${fixed(rate, 0)} frames/s`, m.latency_ms === null ? "" : `${m.dropped} dropped`, false]);
-  if (run.latencies.length) {
-    const sorted = [...run.latencies].sort((a, b) => a - b), share = (s) => sorted[Math.floor(s * (sorted.length - 1))];
-    list.push(["Latency (median)", `${fixed(share(0.5), 1)} ms`, `99 % of late: ${fixed(share(0.99), 1)} ms`]);
-  }
-  const sigma = now.sigma_mm === null ? "" : `\u00b1${fixed(now.sigma_mm, 1)} mm, ${fixed(now.sigma_deg, 2)} deg`;
-  list.push(["Quality of the pose", fixed(now.quality, 2), now.undecided ? "undecided who moves" : sigma, now.lost]);
-  list.push(["Keypoints that stand still", `${fixed(100 * now.static_share, 0)} %`, now.detections_age === null ? "" : `detections ${fixed(now.detections_age, 2)} s old`]);
-  list.push(["Map", `${now.keyframes} keyframes`, `${now.landmarks} landmarks`]);
-  list.push(["Loops closed", `${now.loops}`, `${now.set_aside} candidates set aside`]);
-  if (now.detections) list.push(["Detector", `${now.detections}`, "answers"]);
+  list.push(["Own error, 1 sigma", now.sigma_mm === null ? "-" : `${fixed(now.sigma_mm, 1)} mm`, now.undecided ? "undecided who moves" : `quality ${fixed(now.quality, 2)}`, now.lost]);
+  list.push(["Speed", `${fixed(rate, 0)} frames/s`, m.latency_ms === null ? "" : `${m.dropped} dropped`]);
+  const sorted = [...run.latencies].sort((a, b) => a - b), share = (s) => sorted[Math.floor(s * (sorted.length - 1))];
+  list.push(["Latency", `${fixed(share(0.5), 1)} ms`, sorted.length ? `99 %: ${fixed(share(0.99), 0)}` : ""]);
+  list.push(["Keypoints that move", `${fixed(100 * (1 - now.static_share), 0)} %`, now.detections_age === null ? "" : `detections ${fixed(now.detections_age, 2)} s old`]);
+  list.push(["Landmarks of the map", `${now.landmarks}`, `${now.keyframes} keyframes, ${now.loops} loops`]);
   return list;
 }

@@ -15,11 +15,13 @@ function prepare() {
   } catch (e) {
     byId("no3d").hidden = false;
     byId("no3d").textContent = `No view in three dimensions: ${e.message}. The way from above is shown in its place; plots and tables are complete.`;
-    byId("scene-help").hidden = true;
     page.view = new Plan(byId("scene"));
   }
   page.is3d = page.view instanceof View3d;
+  page.plan = page.is3d ? new Plan(byId("plan")) : page.view;
+  byId("plan").hidden = !page.is3d;
   controls();
+  keys();
 }
 
 /// Shows a frame that the user asked for.
@@ -50,7 +52,10 @@ function select(run) {
   byId("title").textContent = run.label;
   const s = run.summary, input = s.input || {};
   byId("subtitle").textContent = [input.layout, input.camera && `camera ${input.camera}`, s.machine && s.machine.stillpoint && `Stillpoint ${s.machine.stillpoint}`].filter(Boolean).join(" - ");
-  showFigures(run);
+  say(run.data.verdict.concern, run.data.verdict.text);
+  fillFigures(figures(run));
+  showRemarks(remarks(run));
+  showStages(run);
   showTables(run, seek);
   byId("command").textContent = run.data.command;
   byId("config").textContent = run.data.config;
@@ -58,8 +63,17 @@ function select(run) {
   showMarks(run);
   page.timeline.load(run);
   page.view.load(run, page.runs.filter((r) => r !== run));
+  if (page.is3d) page.plan.load(run, page.view.others);
   worst(run);
+  showNotable(run);
   go(Math.min(page.frame, Math.max(0, run.count - 1)));
+}
+
+/// How things stand, in a sentence.
+function say(state, text) {
+  const status = byId("status");
+  write(status, text);
+  status.className = `status ${state}`;
 }
 
 function showMarks(run) {
@@ -75,22 +89,17 @@ function go(i) {
   page.timeline.at(page.frame);
   page.picture.at(run, page.frame, page.mover);
   page.view.at(page.frame, page.mover);
-  showRow(run, page.frame);
+  if (page.is3d) page.plan.at(page.frame);
+  showObjects(run, page.frame);
 }
 
-/// What is known of a frame, and the objects in it.
-function showRow(run, i) {
-  const rows = [["State", STATES[run.state[i]]], ["Inliers", run.inliers[i]], ...(run.isLive ? [] : [["Error", `${fixed(run.error_mm[i], 1)} mm`]]), ["Position, 1 sigma", `${fixed(run.sigma_mm[i], 1)} mm`],
-    ["Quality", fixed(run.quality[i], 2)], ["Keypoints that move", Number.isFinite(run.moving[i]) ? `${fixed(100 * run.moving[i], 0)} %` : "-"], [run.data.time_is || "Time", `${fixed(run.time_ms[i], 1)} ms`]];
-  const body = byId("now").tBodies[0];
-  if (body.rows.length !== rows.length) body.replaceChildren(...rows.map(([n]) => element("tr", {}, element("th", { scope: "row" }, n), element("td", {}))));
-  const write = (cell, text) => { if (cell.textContent !== text) cell.textContent = text; };
-  rows.forEach(([n, v], k) => { write(body.rows[k].cells[0], n); write(body.rows[k].cells[1], String(v)); });
-  const picture = run.picture(i), here = picture >= 0 ? run.objectsOf.get(run.pictureFrame[picture]) || [] : [];
+/// The objects in a frame: those that are drawn first.
+function showObjects(run, i) {
+  const picture = run.picture(i), all = picture >= 0 ? run.objectsOf.get(run.pictureFrame[picture]) || [] : [];
+  const here = [...all.filter((o) => isDrawn(o, page.mover)), ...all.filter((o) => !isDrawn(o, page.mover))];
   const key = here.map((o) => `${o.id}:${o.motion}`).join() + page.mover;
   if (page.shownObjects === key) return;
   page.shownObjects = key;
-  byId("movers-title").hidden = !here.length;
   byId("movers").replaceChildren(...here.map((o) => element("li", {}, element("button", { type: "button", "aria-pressed": String(o.id === page.mover), onclick: () => choose(o.id === page.mover ? null : o.id) },
     element("i", { style: `background:${trackColour(o.id)}` }), `${o.name} ${o.id}${["", ", moves", ", parked"][o.motion]}`))));
 }
@@ -109,11 +118,14 @@ function play(on) {
   if (page.frame >= run.count - 1) seek(0);
   follow(false);
   const began = performance.now() - 1e3 * run.seconds[page.frame];
+  let shown = page.frame;
   const step = (now) => {
-    if (!page.playing || page.run !== run) return play(false);
+    // Whoever chooses a frame meanwhile wants to look at it.
+    if (!page.playing || page.run !== run || page.frame !== shown) return play(false);
     let i = page.frame;
     while (i < run.count - 1 && run.seconds[i + 1] <= (now - began) / 1e3) i++;
     if (i !== page.frame) go(i);
+    shown = page.frame;
     if (i >= run.count - 1) return play(false);
     requestAnimationFrame(step);
   };
@@ -135,18 +147,61 @@ function controls() {
   byId("next").addEventListener("click", () => seek(page.frame + 1));
   byId("live").addEventListener("click", () => seek(page.run.count - 1));
   byId("play").addEventListener("click", () => play(!page.playing));
+  byId("save").addEventListener("click", () => page.run && page.picture.save());
   for (const id of ["verdicts", "boxes"]) byId(id).addEventListener("change", () => page.picture.at(page.run, page.frame, page.mover));
   const repaint = () => {
     if (!page.run) return;
     page.timeline.paint();
     page.view.paint();
+    page.plan.paint();
+    worst(page.run);
     go(page.frame);
   };
   let waiting = 0;
   window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(repaint, 60); });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
-  window.addEventListener("beforeprint", repaint);
-  window.addEventListener("afterprint", repaint);
+  document.fonts.ready.then(repaint);
+  // Paper is light, and shows what can be unfolded.
+  const printed = document.querySelectorAll("details.printed");
+  window.addEventListener("beforeprint", () => {
+    document.documentElement.dataset.paper = "light";
+    printed.forEach((d) => { [d.was, d.open] = [d.open, true]; });
+    repaint();
+    if (page.is3d) page.view.scene.draw();
+  });
+  window.addEventListener("afterprint", () => {
+    delete document.documentElement.dataset.paper;
+    printed.forEach((d) => { d.open = d.was; });
+    repaint();
+  });
+}
+
+/// Keys that work wherever the keyboard is, as long as that has no use of its own for them.
+function keys() {
+  const to = (i) => { play(false); seek(i); };
+  document.addEventListener("keydown", (e) => {
+    const run = page.run, at = e.target instanceof Element ? e.target : document.body;
+    if (!run || !run.count || e.defaultPrevented || e.ctrlKey || e.altKey || e.metaKey || at.closest("select")) return;
+    const far = e.shiftKey ? 10 : 1, notable = page.notable || [];
+    if (e.key === " ") {
+      if (at.closest("button, summary, input")) return;
+      // While a run goes on, it holds the picture and lets it go on.
+      if (!run.isLive) play(!page.playing); else if (page.following) follow(false); else seek(run.count - 1);
+    } else if (e.key === "ArrowLeft") to(page.frame - far);
+    else if (e.key === "ArrowRight") to(page.frame + far);
+    else if (e.key === "Home") to(0);
+    else if (e.key === "End") to(run.count - 1);
+    else if (e.key === "o" && notable.length) to((notable.find(([, i]) => i > page.frame) || notable.reduce((a, b) => (b[1] < a[1] ? b : a)))[1]);
+    else return;
+    e.preventDefault();
+  });
+  // A click leaves the keyboard to the page: arrows and space go on to work.
+  document.addEventListener("mousedown", (e) => {
+    if (!e.target.closest("button, label, summary, canvas")) return;
+    e.preventDefault();
+    if (document.activeElement) document.activeElement.blur();
+  });
+  byId("colouring").addEventListener("change", (e) => e.target.blur());
 }
 
 /// What the page shows, for whoever tests or scripts it.

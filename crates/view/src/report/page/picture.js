@@ -2,21 +2,25 @@
 // The frame: its picture, and what was said of it.
 
 /// As in the pictures of `--overlay`: what stands still is a disc, what was rejected a ring with a dot.
-const SAID = [["stands still", "#1ec86e"], ["on a moving object", "#ee341c"], ["moves against the scene", "#ff9600"], ["off its epipolar line", "#ffe828"], ["depth of what moves", "#ffd6a8"], ["moved before", "#a85c24"]];
+const SAID = ["stands still", "on a moving object", "moves against the scene", "off its epipolar line", "depth of what moves", "moved before"];
+const saidColour = (kind) => css(`--said-${kind}`);
+/// Whether the page is one screen, and the picture fits its place; else its width alone decides.
+const ONE_SCREEN = matchMedia("(min-width: 60rem), print");
+/// Pixels of the screen that one of the page has: what is drawn is sharp on a dense screen.
+const density = () => Math.min(3, window.devicePixelRatio || 1);
 
 class FramePicture {
   constructor(canvas) {
     this.canvas = canvas;
-    // What is written anew with every frame is drawn anew: the legend stands beside it.
-    const swatch = ([name, colour]) => [element("i", { style: `display:inline-block;width:.7em;height:.7em;border-radius:50%;margin:0 .3em 0 .8em;background:${colour}` }), name];
-    byId("said").replaceChildren("Features:", ...SAID.flatMap(swatch));
+    byId("said").replaceChildren("Features:", ...SAID.flatMap((name, kind) => [element("i", { className: "key", style: `background:${saidColour(kind)}` }), name]));
+    canvas.addEventListener("click", (e) => this.chooseAt(e.offsetX / canvas.clientWidth, e.offsetY / canvas.clientHeight));
   }
 
   /// Draws the picture that is nearest to a frame.
   at(run, i, mover) {
     this.wanted = [run, i, mover];
     const picture = run.picture(i), canvas = this.canvas;
-    canvas.hidden = byId("said").hidden = picture < 0;
+    canvas.hidden = picture < 0;
     if (picture < 0) {
       byId("caption-text").textContent = this.said = "The result holds no pictures of frames.";
       return;
@@ -26,36 +30,72 @@ class FramePicture {
     const shown = run.pictureFrame[picture];
     // While a run goes on, numbers are some frames ahead of the picture.
     const note = Math.abs(run.pictureAt[picture] - i) <= (run.isLive ? 5 : 0) ? "" : ` (the nearest picture is of frame ${shown})`;
-    const text = `Frame ${run.id[i]}, ${fixed(run.seconds[i], 2)} s: ${STATES[run.state[i]]}${note}`;
+    const known = run.state[i] === LOST ? "" : `, ${run.inliers[i]} inliers, quality ${fixed(run.quality[i], 2)}, \u00b1${fixed(run.sigma_mm[i], 1)} mm`;
+    const text = `Frame ${run.id[i]}, ${fixed(run.seconds[i], 2)} s: ${STATES[run.state[i]]}${known}${note}`;
     if (this.said !== text) byId("caption-text").textContent = text;
     this.said = text;
     canvas.setAttribute("aria-label", text);
   }
 
+  /// Makes the canvas as large as its place allows, and as sharp as the screen.
   draw(run, picture, mover) {
-    paintPicture(this.canvas, run, picture, { verdicts: byId("verdicts").checked, boxes: byId("boxes").checked, mover, scale: 3 });
+    const [w, h] = run.data.pictures.size, place = this.canvas.parentElement;
+    const high = ONE_SCREEN.matches ? place.clientHeight : Infinity, scale = Math.min(place.clientWidth / w, high / h);
+    const [width, height] = [`${Math.floor(scale * w)}px`, `${Math.floor(scale * h)}px`];
+    if (this.canvas.style.width !== width || this.canvas.style.height !== height) [this.canvas.style.width, this.canvas.style.height] = [width, height];
+    paintPicture(this.canvas, run, picture, { verdicts: byId("verdicts").checked, boxes: byId("boxes").checked, mover, scale: scale * density() });
+  }
+
+  /// The smallest box at a place of the picture is chosen, or none.
+  chooseAt(x, y) {
+    const [run, i] = this.wanted || [];
+    if (!run || run.picture(i) < 0) return;
+    const [w, h] = run.data.image, area = (b) => (b[2] - b[0]) * (b[3] - b[1]);
+    const here = (run.objectsOf.get(run.pictureFrame[run.picture(i)]) || []).filter((o) => isDrawn(o, page.mover))
+      .filter(({ bounds: b }) => b[0] <= x * w && x * w <= b[2] && b[1] <= y * h && y * h <= b[3]).sort((a, b) => area(a.bounds) - area(b.bounds));
+    choose(here.length && here[0].id !== page.mover ? here[0].id : null);
+  }
+
+  /// The picture as it is drawn, with what it is of, as a file.
+  save() {
+    const from = this.canvas, bar = Math.round(from.width / 22), made = element("canvas", { width: from.width, height: from.height + bar });
+    const g = made.getContext("2d");
+    g.drawImage(from, 0, 0);
+    g.fillStyle = css("--paper");
+    g.fillRect(0, from.height, made.width, bar);
+    g.fillStyle = css("--ink");
+    g.font = `${Math.round(0.5 * bar)}px Roboto, sans-serif`;
+    g.textBaseline = "middle";
+    g.fillText(`Stillpoint \u00b7 ${page.run.label} \u00b7 ${this.said}`, 0.4 * bar, from.height + bar / 2, made.width - 0.8 * bar);
+    element("a", { href: made.toDataURL("image/png"), download: `${page.run.name}-${page.run.id[page.frame]}.png` }).click();
   }
 }
 
+/// What moves and people have boxes, and what was chosen.
+const isDrawn = (o, mover) => o.motion === 1 || o.name === "person" || o.id === mover;
+
 function paintPicture(canvas, run, picture, { verdicts, boxes, mover, scale }) {
   const [w, h] = run.data.pictures.size;
-  [canvas.width, canvas.height] = [w * scale, h * scale];
+  [canvas.width, canvas.height] = [Math.round(w * scale), Math.round(h * scale)];
+  // Signs grow with the picture.
+  const unit = Math.max(0.5, canvas.width / 520);
   // Some hundred small discs are drawn faster by the processor than by what stands for a graphics card where there is none.
   const g = canvas.getContext("2d", { willReadFrequently: true }), image = run.image(picture);
   if (image.complete && image.naturalWidth) g.drawImage(image, 0, 0, canvas.width, canvas.height);
   if (verdicts) {
     const f = run.features(picture);
     // One path for all of a kind: a stroke for each would take most of the time of a frame.
-    SAID.forEach(([, colour], kind) => {
+    SAID.forEach((_, kind) => {
+      const colour = saidColour(kind);
       const [dots, rings] = [new Path2D(), new Path2D()];
       const disc = (path, x, y, r) => { path.moveTo(x + r, y); path.arc(x, y, r, 0, 7); };
       for (let i = 0; i + 2 < f.length; i += 3) {
         if (f[i + 2] !== kind) continue;
         const [x, y] = [f[i] / 255 * canvas.width, f[i + 1] / 255 * canvas.height];
-        disc(dots, x, y, kind ? 1.2 : 2);
-        if (kind) disc(rings, x, y, 3.5);
+        disc(dots, x, y, unit * (kind ? 1.1 : 1.8));
+        if (kind) disc(rings, x, y, unit * 3.2);
       }
-      [g.fillStyle, g.strokeStyle, g.lineWidth] = [colour, colour, 1.4];
+      [g.fillStyle, g.strokeStyle, g.lineWidth] = [colour, colour, 1.2 * unit];
       g.fill(dots);
       if (kind) g.stroke(rings);
     });
@@ -63,20 +103,22 @@ function paintPicture(canvas, run, picture, { verdicts, boxes, mover, scale }) {
   if (!boxes) return;
   const factor = canvas.width / run.data.image[0];
   for (const o of run.objectsOf.get(run.pictureFrame[picture]) || []) {
-    if (o.motion !== 1 && o.name !== "person" && o.id !== mover) continue;
+    if (!isDrawn(o, mover)) continue;
     const [x0, y0, x1, y1] = Array.from(o.bounds, (v) => v * factor);
     if (x1 - x0 < 1 || y1 - y0 < 1) continue;
-    const colour = TRACKS.dark[o.id % 5];
+    const colour = css(`--object-${o.id % 8}`);
     g.strokeStyle = colour;
-    g.lineWidth = o.id === mover ? 5 : 2;
+    g.lineWidth = unit * (o.id === mover ? 4 : 1.8);
     g.strokeRect(x0, y0, x1 - x0, y1 - y0);
     const label = `${o.name} ${o.id}` + (Number.isFinite(o.speed) && o.motion === 1 ? ` ${o.speed.toFixed(1)} m/s` : "");
-    g.font = "600 14px system-ui, sans-serif";
-    const width = g.measureText(label).width + 8, top = Math.max(0, y0 - 18);
+    g.font = `${12 * unit}px Roboto, sans-serif`;
+    const width = g.measureText(label).width + 8 * unit, high = 16 * unit, top = Math.max(0, y0 - high), left = Math.max(0, Math.min(x0, canvas.width - width));
     g.fillStyle = "#14171b";
-    g.fillRect(x0, top, width, 18);
+    g.fillRect(left, top, width, high);
     g.fillStyle = colour;
+    g.fillRect(left, top, 3 * unit, high);
+    g.fillStyle = "#ffffff";
     g.textBaseline = "middle";
-    g.fillText(label, x0 + 4, top + 9.5);
+    g.fillText(label, left + 5 * unit, top + 0.53 * high);
   }
 }

@@ -10,6 +10,8 @@ function start() {
   nav.hidden = page.runs.length < 2;
   nav.replaceChildren(...page.runs.map((r) => element("button", { type: "button", onclick: () => select(r) }, r.label)));
   select(page.runs[Number(new URLSearchParams(location.hash.slice(1)).get("run")) || 0]);
+  // It opens where something happened.
+  if (page.notable.length) seek(page.notable[0][1]);
   openAt(location.hash);
   page.ready = true;
 }

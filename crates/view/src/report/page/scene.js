@@ -6,10 +6,11 @@ layout(location = 0) in vec3 position;
 layout(location = 1) in vec4 colour;
 uniform mat4 clip_from_world;
 uniform float size;
+uniform float bead;
 out vec4 tint;
 void main() {
   gl_Position = clip_from_world * vec4(position, 1.0);
-  gl_PointSize = clamp(size / gl_Position.w, 2.0, 14.0);
+  gl_PointSize = bead > 0.0 ? bead : clamp(size / gl_Position.w, 2.0, 14.0);
   tint = colour;
 }`;
 const FRAGMENT = `#version 300 es
@@ -22,6 +23,9 @@ void main() {
   if (is_round && dot(off, off) > 0.25) discard;
   colour = tint;
 }`;
+
+/// Layers that are bands of points: their width, px, and how far they are moved towards the viewer, so that what was estimated lies on the truth.
+const BANDS = { truth: [7, 0.002], trajectory: [2.6, 0.004] };
 
 /// Layers that change with the frame. They are drawn over the others, which are drawn once for each view and then copied to where these were:
 /// without a graphics card points and lines take ten times as long as a copy, and a copy of all as long as the rest of a frame. So the camera
@@ -55,6 +59,7 @@ class Scene {
     this.matrix = gl.getUniformLocation(this.program, "clip_from_world");
     this.size = gl.getUniformLocation(this.program, "size");
     this.isRound = gl.getUniformLocation(this.program, "is_round");
+    this.bead = gl.getUniformLocation(this.program, "bead");
     this.pointSize = 4;
     this.layers = new Map();
     this.target = [0, 0, 0];
@@ -64,7 +69,7 @@ class Scene {
     this.follow = null;
   }
 
-  /// Sets a layer: `kind` is points, lines (pairs), strip or triangles (three numbers of positions each, in `corners`); `colours` four bytes for each position.
+  /// Sets a layer: `kind` is points, beads (points of one width), lines (pairs), strip or triangles (three numbers of positions each, in `corners`); `colours` four bytes for each position.
   set(name, kind, positions, colours, corners = null) {
     const gl = this.gl;
     let layer = this.layers.get(name);
@@ -123,7 +128,7 @@ class Scene {
 
   draw() {
     const gl = this.gl, canvas = this.canvas;
-    const scale = Math.min(2, window.devicePixelRatio || 1);
+    const scale = Math.min(2, density());
     const [w, h] = [Math.max(1, Math.round(canvas.clientWidth * scale)), Math.max(1, Math.round(canvas.clientHeight * scale))];
     if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
     gl.viewport(0, 0, w, h);
@@ -182,9 +187,12 @@ class Scene {
     for (const [name, layer] of this.layers) {
       if (!layer.shown || !layer.count || CHANGING.has(name) !== changing) continue;
       gl.bindVertexArray(layer.array);
-      gl.uniform1i(this.isRound, layer.kind === "points" ? 1 : 0);
+      const dots = layer.kind === "points" || layer.kind === "beads", [width, nearer] = BANDS[name] || [0, 0];
+      gl.uniform1i(this.isRound, dots ? 1 : 0);
+      gl.uniform1f(this.bead, layer.kind === "beads" ? width * density() : 0);
+      gl.depthRange(0.005 - nearer, 1 - nearer);
       if (layer.kind === "triangles") gl.drawElements(gl.TRIANGLES, layer.count, gl.UNSIGNED_INT, 0);
-      else gl.drawArrays({ points: gl.POINTS, lines: gl.LINES, strip: gl.LINE_STRIP }[layer.kind], 0, layer.count);
+      else gl.drawArrays({ points: gl.POINTS, beads: gl.POINTS, lines: gl.LINES, strip: gl.LINE_STRIP }[layer.kind], 0, layer.count);
     }
     gl.bindVertexArray(null);
   }
@@ -224,7 +232,4 @@ class Scene {
 }
 
 /// A colour of the style as three bytes.
-function rgb(name) {
-  const text = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  return [1, 3, 5].map((i) => parseInt(text.length > 4 ? text.slice(i, i + 2) : text[(i + 1) / 2].repeat(2), 16));
-}
+const rgb = (name) => hex(css(name));

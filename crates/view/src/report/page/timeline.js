@@ -4,6 +4,16 @@
 const KINDS = { loss: "No pose", found: "Found again", begun: "Map began", loop: "Loop closed", revoked: "Beginning taken back" };
 const kindColour = (kind) => css({ loss: "--bad", found: "--good", begun: "--accent", loop: "--warm", revoked: "--bad" }[kind]);
 
+/// Room beside the bands for the values of the frame that is shown, px.
+const RIGHT = 70;
+
+/// The least number that is not below another, of some times a power of ten: as steps of an axis, or as its end.
+const [STEPS, ENDS] = [[1, 2, 5, 10], [1, 1.5, 2, 3, 4, 5, 6, 8, 10]];
+function roundUp(x, factors) {
+  const power = 10 ** Math.floor(Math.log10(x));
+  return power * factors.find((f) => f * power >= x * (1 - 1e-9));
+}
+
 class Timeline {
   constructor(canvas, go) {
     this.canvas = canvas;
@@ -11,17 +21,15 @@ class Timeline {
     this.line = byId("now-line");
     const to = (e) => {
       const box = canvas.getBoundingClientRect();
-      this.go(Math.round((e.clientX - box.left - this.left) / Math.max(1, box.width - this.left - 8) * (this.run.count - 1)));
+      this.go(this.nearest((e.clientX - box.left - this.left) / Math.max(1, box.width - this.left - RIGHT)));
     };
     canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); this.held = true; to(e); });
     canvas.addEventListener("pointermove", (e) => this.held && to(e));
     for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { this.held = false; });
     canvas.addEventListener("keydown", (e) => {
-      const step = { ArrowLeft: -1, ArrowRight: 1, ArrowDown: -1, ArrowUp: 1, PageUp: -30, PageDown: 30 }[e.key];
-      if (step) this.go(this.frame + step);
-      else if (e.key === "Home") this.go(0);
-      else if (e.key === "End") this.go(this.run.count - 1);
-      else return;
+      const step = { ArrowDown: -1, ArrowUp: 1, PageUp: -30, PageDown: 30 }[e.key];
+      if (!step) return;
+      this.go(this.frame + step);
       e.preventDefault();
     });
   }
@@ -35,10 +43,11 @@ class Timeline {
   /// Takes in what is new of the run.
   refresh() {
     const run = this.run;
-    const lanes = [["error_mm", "error", "mm"], ["sigma_mm", "1 sigma", "mm"], ["inliers", "inliers", ""], ["moving", "moving share", "%"], ["time_ms", run.data.time_is || "time", "ms"], ["answer_ms", "detector", "ms"]];
-    this.lanes = lanes.filter(([name]) => run[name].some((x) => Number.isFinite(x)));
+    const lanes = [["error_mm", "error", "mm"], ["sigma_mm", "1 sigma", "mm"], ["moving", "moves", "%"], ["time_ms", run.data.time_is === "latency" ? "latency" : "time", "ms"], ["answer_ms", "detector", "ms"], ["inliers", "inliers", ""]];
+    this.lanes = lanes.filter(([name]) => run[name].some((x) => Number.isFinite(x) && (x > 0 || name !== "moving")));
     // An error tells more than what one expects it to be.
     if (this.lanes.some((l) => l[0] === "error_mm")) this.lanes = this.lanes.filter((l) => l[0] !== "sigma_mm");
+    byId("values").replaceChildren(...this.lanes.map(() => element("span")));
     this.canvas.setAttribute("aria-valuemin", "0");
     this.canvas.setAttribute("aria-valuemax", String(Math.max(0, run.count - 1)));
     this.paint();
@@ -46,64 +55,102 @@ class Timeline {
 
   /// Draws the bands, once; where one is, is a line above them.
   paint() {
-    const { canvas, run } = this, scale = Math.min(2, window.devicePixelRatio || 1);
+    const { canvas, run } = this, scale = density();
     const [w, h] = [Math.max(1, canvas.clientWidth), Math.max(1, canvas.clientHeight)];
     [canvas.width, canvas.height] = [w * scale, h * scale];
     const g = canvas.getContext("2d");
     g.scale(scale, scale);
-    this.left = w < 480 ? 70 : 108;
-    const width = w - this.left - 8, band = 14, top = 20;
-    g.font = "12px system-ui, sans-serif";
-    g.textBaseline = "middle";
-    const n = run.count;
-    this.x = (i) => this.left + (n > 1 ? i / (n - 1) : 0.5) * width;
-    const colours = [css("--bad"), css("--accent"), css("--good"), css("--accent"), css("--warm")];
+    this.left = 104;
+    const width = w - this.left - RIGHT, band = 10, top = 14, n = run.count;
+    const seconds = n ? run.seconds[n - 1] : 0, until = (i) => (i < n ? this.x(i) : this.left + width);
+    this.x = (i) => this.left + (seconds > 0 ? run.seconds[i] / seconds : 0.5) * width;
+    g.font = "11px Roboto, sans-serif";
+    this.axis(g, width, top, h);
+    const colours = [css("--bad"), css("--accent"), css("--good"), css("--accent"), css("--warm"), css("--warm")];
     // One stroke for as long as nothing changes.
     for (let i = 0, next; i < n; i = next) {
       for (next = i + 1; next < n && run.state[next] === run.state[i];) next++;
       g.fillStyle = colours[run.state[i]];
-      g.fillRect(this.x(i) - 0.5 * width / n, top, Math.max(1, (next - i) * width / n + 0.5), band);
+      g.fillRect(this.x(i), top, Math.max(1, until(next) - this.x(i)), band);
     }
+    g.textBaseline = "middle";
     g.fillStyle = css("--muted");
-    g.fillText("state", 4, top + band / 2);
+    g.fillText("state", 6, top + band / 2);
     for (const mark of run.marks) {
       const x = this.x(mark.at);
       g.fillStyle = kindColour(mark.kind);
       g.beginPath();
-      g.moveTo(x, top - 2); g.lineTo(x - 5, top - 12); g.lineTo(x + 5, top - 12);
+      g.moveTo(x, top - 1); g.lineTo(x - 5, top - 10); g.lineTo(x + 5, top - 10);
       g.fill();
     }
-    const room = (h - top - band - 22) / Math.max(1, this.lanes.length);
-    this.lanes.forEach(([name, label, unit], k) => this.lane(g, top + band + 6 + k * room, room - 8, width, run[name], label, unit));
-    g.fillStyle = css("--muted");
-    g.textBaseline = "alphabetic";
-    const seconds = n ? run.seconds[n - 1] : 0;
-    for (let k = 0; k <= 4; k++) {
-      g.textAlign = ["left", "center", "center", "center", "right"][k];
-      g.fillText(`${fixed(seconds * k / 4, 1)} s`, this.left + width * k / 4, h - 4);
-    }
-    g.textAlign = "left";
+    const first = top + band + 5, room = (h - first - 18) / Math.max(1, this.lanes.length);
+    this.lanes.forEach(([name, label, unit], k) => {
+      this.lane(g, first + k * room, room - 6, width, name, label, unit);
+      byId("values").children[k].style.top = `${first + k * room + (room - 6) / 2 - 9}px`;
+    });
     this.at(this.frame);
   }
 
-  lane(g, y, height, width, values, label, unit) {
-    const n = values.length, factor = unit === "%" ? 100 : 1;
-    // For as long as it is undecided who moves, nothing is known of how good a pose is: those frames would make all others look alike.
-    const decided = Float64Array.from(values).filter((v, i) => Number.isFinite(v) && this.run.state[i] !== UNDECIDED).sort();
-    const sorted = decided.length ? decided : Float64Array.from(values).filter(Number.isFinite).sort();
-    // What one frame in a hundred has may go beyond the band.
-    const most = Math.max(1e-6, sorted.length ? Math.max(sorted[Math.floor(0.99 * (sorted.length - 1))] * 1.15, sorted[sorted.length >> 1] * 1.5) : 1);
+  /// Seconds, below, with lines through all bands.
+  axis(g, width, top, h) {
+    const run = this.run, seconds = run.count ? run.seconds[run.count - 1] : 0;
+    if (!(seconds > 0)) return;
+    const step = roundUp(seconds / Math.max(2, width / 110), STEPS), digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+    g.textAlign = "center";
+    g.textBaseline = "alphabetic";
+    for (let t = 0; t <= seconds * (1 + 1e-9); t += step) {
+      const x = this.left + t / seconds * width;
+      g.strokeStyle = css("--line");
+      g.beginPath(); g.moveTo(x, top); g.lineTo(x, h - 15); g.stroke();
+      g.fillStyle = css("--muted");
+      g.fillText(`${t.toFixed(digits)} s`, x, h - 4);
+    }
+    g.textAlign = "left";
+  }
+
+  /// The frame that is nearest to a share of the whole time.
+  nearest(share) {
+    const { seconds, count } = this.run, t = share * seconds[count - 1];
+    let low = 0, high = count - 1;
+    while (low < high) {
+      const half = (low + high) >> 1;
+      if (seconds[half] < t) low = half + 1; else high = half;
+    }
+    return low > 0 && t - seconds[low - 1] < seconds[low] - t ? low - 1 : low;
+  }
+
+  /// The end of a lane's scale: the same for all runs of the page, so that they can be compared.
+  most(name) {
+    const ends = page.runs.map((run) => {
+      // For as long as it is undecided who moves, nothing is known of how good a pose is: those frames would make all others look alike.
+      const decided = Float64Array.from(run[name]).filter((v, i) => Number.isFinite(v) && run.state[i] < UNDECIDED).sort();
+      const sorted = decided.length ? decided : Float64Array.from(run[name]).filter(Number.isFinite).sort();
+      // What one frame in a hundred has may go beyond the band.
+      return sorted.length ? Math.max(sorted[Math.floor(0.99 * (sorted.length - 1))], sorted[sorted.length >> 1] * 1.3) : 0;
+    });
+    return roundUp(Math.max(1e-6, ...ends), ENDS);
+  }
+
+  lane(g, y, height, width, name, label, unit) {
+    const values = this.run[name], n = values.length, most = unit === "%" ? Math.min(1, this.most(name)) : this.most(name), factor = unit === "%" ? 100 : 1;
+    const up = (v) => y + height - Math.min(1, v / most) * height, digits = (v) => (Number.isInteger(Number(v.toPrecision(3))) ? 0 : 1);
     g.fillStyle = css("--muted");
-    g.fillText(label, 4, y + 8);
-    g.fillText(`${fixed(factor * most, most * factor < 10 ? 1 : 0)} ${unit}`, 4, y + 23);
-    g.strokeStyle = css("--line");
-    g.beginPath(); g.moveTo(this.left, y + height); g.lineTo(this.left + width, y + height); g.stroke();
+    g.textBaseline = "middle";
+    g.fillText(unit ? `${label}, ${unit}` : label, 6, y + height / 2);
+    g.textAlign = "right";
+    const ticks = height > 34 ? [0, 0.5, 1] : [0, 1];
+    for (const share of ticks) {
+      const at = up(share * most), value = factor * share * most;
+      g.strokeStyle = css("--line");
+      g.beginPath(); g.moveTo(this.left - 3, at); g.lineTo(this.left + width, at); g.stroke();
+      g.fillText(value.toFixed(digits(value)), this.left - 6, Math.max(y + 4, Math.min(y + height - 3, at)));
+    }
+    g.textAlign = "left";
     g.strokeStyle = css("--accent");
-    g.lineWidth = 1.2;
+    g.lineWidth = 1.3;
     g.beginPath();
-    const up = (v) => y + height - Math.min(1, v / most) * height;
     // What only some frames have, as the detector's answers and what was not told in time, is a line from one to the next.
-    const sparse = this.run.isLive || sorted.length < n / 2;
+    const count = values.reduce((c, v) => c + (Number.isFinite(v) ? 1 : 0), 0), sparse = this.run.isLive || count < n / 2;
     if (n <= width || (sparse && n < 4 * width)) {
       let pen = false;
       for (let i = 0; i < n; i++) {
@@ -112,13 +159,18 @@ class Timeline {
         pen = true;
       }
     } else {
-      for (let c = 0; c < width; c++) {
+      // Of the frames in a column of pixels the least and the most.
+      for (let i = 0, pen = false; i < n;) {
+        const c = Math.floor(this.x(i) - this.left);
         let low = Infinity, high = -Infinity;
-        for (let i = Math.floor(c / width * n); i < Math.floor((c + 1) / width * n); i++) {
+        for (; i < n && Math.floor(this.x(i) - this.left) === c; i++) {
           if (values[i] < low) low = values[i];
           if (values[i] > high) high = values[i];
         }
-        if (low <= high) { g.moveTo(this.left + c, up(low) + 0.6); g.lineTo(this.left + c, up(high) - 0.6); }
+        if (low > high) { pen = false; continue; }
+        if (pen) g.lineTo(this.left + c, up(low)); else g.moveTo(this.left + c, up(low));
+        g.lineTo(this.left + c, up(high) - 0.6);
+        pen = true;
       }
     }
     g.stroke();
@@ -130,6 +182,11 @@ class Timeline {
     const run = this.run;
     this.line.style.transform = `translateX(${this.x(i)}px)`;
     this.canvas.setAttribute("aria-valuenow", String(i));
-    if (run.count) this.canvas.setAttribute("aria-valuetext", `frame ${run.id[i]}, ${STATES[run.state[i]]}, ${fixed(run.seconds[i], 2)} seconds`);
+    if (!run.count) return;
+    this.canvas.setAttribute("aria-valuetext", `frame ${run.id[i]}, ${STATES[run.state[i]]}, ${fixed(run.seconds[i], 2)} seconds`);
+    this.lanes.forEach(([name, , unit], k) => {
+      const value = run[name][i] * (unit === "%" ? 100 : 1);
+      write(byId("values").children[k], Number.isFinite(value) ? `${fixed(value, name === "inliers" || unit === "%" ? 0 : 1)} ${unit}` : "-");
+    });
   }
 }

@@ -1,15 +1,16 @@
 "use strict";
 // The map: what is shown of a run in three dimensions, and how one moves about in it.
 
-const dark = () => matchMedia("(prefers-color-scheme: dark)").matches && !matchMedia("print").matches;
+const dark = () => matchMedia("(prefers-color-scheme: dark)").matches && !document.documentElement.dataset.paper;
 /// From old to new, and from what moves to what stands still; each has as much contrast as the other on its paper.
 const RAMPS = {
-  age: { light: [[30, 60, 150], [0, 125, 125], [190, 95, 0]], dark: [[110, 150, 255], [70, 215, 190], [255, 190, 90]] },
-  static: { light: [[190, 40, 30], [150, 120, 0], [20, 115, 63]], dark: [[255, 120, 105], [235, 205, 90], [100, 220, 150]] },
+  age: { light: [[70, 50, 127], [39, 127, 142], [150, 150, 20]], dark: [[130, 120, 220], [64, 180, 180], [226, 221, 60]] },
+  static: { light: [[190, 70, 0], [140, 115, 20], [0, 115, 150]], dark: [[255, 140, 70], [225, 205, 120], [110, 200, 245]] },
 };
-const TRACKS = { light: ["#0b57c4", "#8a2be2", "#00717a", "#a0206f", "#5a5f00"], dark: ["#86b8ff", "#c9a0ff", "#5fd6df", "#ff9fd2", "#d8dc6a"] };
-const trackColour = (id) => (dark() ? TRACKS.dark : TRACKS.light)[id % 5];
 const hex = (text) => [1, 3, 5].map((i) => parseInt(text.slice(i, i + 2), 16));
+/// The colour of an object's box, darker where paper is light, as bytes.
+const trackBytes = (id) => hex(css(`--object-${id % 8}`)).map((v) => Math.round(dark() ? v : 0.68 * v));
+const trackColour = (id) => `rgb(${trackBytes(id)})`;
 
 function ramp(name, share) {
   const colours = RAMPS[name][dark() ? "dark" : "light"], x = 2 * Math.max(0, Math.min(1, share));
@@ -51,6 +52,33 @@ function squares(middle, y, reach, step) {
   return out;
 }
 
+/// Sightings of an object that are farther apart have no line between them, s and m: nothing was measured there.
+const APART = { seconds: 0.5, metres: 0.6 };
+
+/// Where an object went in the last seconds up to a frame, as lines through what was measured.
+function pathOf(run, track, i, seconds) {
+  const lines = [];
+  let before = null;
+  for (const o of track.slice(0, upTo(track, i))) {
+    if (!Number.isFinite(o.position[0]) || run.seconds[o.at] < run.seconds[i] - seconds) continue;
+    const joined = before && run.seconds[o.at] - run.seconds[before.at] <= APART.seconds && Math.hypot(...[0, 1, 2].map((k) => o.position[k] - before.position[k])) <= APART.metres;
+    if (joined) lines[lines.length - 1].push(o); else lines.push([o]);
+    before = o;
+  }
+  return lines;
+}
+
+/// The paths that are shown: of what is chosen since it was first seen, of people and of what moves the last seconds.
+const RECENT = 5;
+function pathsAt(run, i, mover) {
+  const out = [];
+  for (const [id, track] of run.tracks) {
+    if (id === mover) out.push([id, pathOf(run, track, i, Infinity)]);
+    else if (track[0].name === "person" || (track[upTo(track, i) - 1] || {}).motion === 1) out.push([id, pathOf(run, track, i, RECENT)]);
+  }
+  return out;
+}
+
 /// How many sightings of an object there are up to a frame.
 function upTo(track, i) {
   let low = 0, high = track.length;
@@ -61,7 +89,7 @@ function upTo(track, i) {
   return low;
 }
 
-const LAYERS = [["surface", "surface"], ["points", "map"], ["keyframes", "keyframes"], ["loops", "loops"], ["trajectory", "trajectory"], ["truth", "truth"], ["movers", "objects"], ["ground", "ground"]];
+const LAYERS = [["surface", "surface"], ["points", "map"], ["keyframes", "keyframes"], ["loops", "loops"], ["trajectory", "way"], ["truth", "truth"], ["movers", "objects"], ["ground", "ground"]];
 
 class View3d {
   constructor(canvas, changed) {
@@ -112,7 +140,7 @@ class View3d {
     this.paintWay();
     this.others.forEach((other, k) => {
       const line = this.way(other, (i) => other.pose.subarray(7 * i, 7 * i + 3));
-      scene.set("other" + k, "lines", line, painted(line.length / 3, hex(trackColour(k + 1))));
+      scene.set("other" + k, "lines", line, painted(line.length / 3, trackBytes(k + 1)));
     });
     for (let k = this.others.length; scene.layers.has("other" + k); k++) scene.show("other" + k, false);
     this.legend();
@@ -168,10 +196,22 @@ class View3d {
   /// Where the camera went.
   paintWay() {
     const { run, scene } = this;
-    const way = this.way(run, (i) => run.pose.subarray(7 * i, 7 * i + 3));
-    scene.set("trajectory", "lines", way, painted(way.length / 3, rgb("--accent")));
-    const truth = this.way(run, (i) => run.truth.subarray(3 * i, 3 * i + 3));
-    scene.set("truth", "lines", truth, painted(truth.length / 3, rgb("--ink")));
+    const way = this.beads(this.way(run, (i) => run.pose.subarray(7 * i, 7 * i + 3)));
+    scene.set("trajectory", "beads", way, painted(way.length / 3, rgb("--accent")));
+    // Wide, under what was estimated: it is seen on both sides of it.
+    const truth = this.beads(this.way(run, (i) => run.truth.subarray(3 * i, 3 * i + 3)));
+    scene.set("truth", "beads", truth, painted(truth.length / 3, rgb("--truth")));
+    byId("layer-truth").hidden = !truth.length;
+  }
+
+  /// Points along lines, so close that they are a band: a line of WebGL is a pixel wide.
+  beads(lines) {
+    const out = [], apart = this.radius / 130;
+    for (let i = 0; i < lines.length; i += 6) {
+      const step = [0, 1, 2].map((k) => lines[i + 3 + k] - lines[i + k]), n = Math.min(1000, Math.max(1, Math.ceil(Math.hypot(...step) / apart)));
+      for (let j = 0; j <= n; j++) out.push(...step.map((d, k) => lines[i + k] + d * j / n));
+    }
+    return new Float32Array(out);
   }
 
   /// A line through the frames; it breaks where there is nothing. Steps that are not seen are left out: what a camera goes in ten minutes would take
@@ -208,12 +248,13 @@ class View3d {
 
   legend() {
     const run = this.run, text = this.colouring === "age" ? ["first seen early", "late"] : ["seems to move", "stands still"];
-    const swatch = (c) => element("i", { style: `display:inline-block;width:.8em;height:.8em;border-radius:50%;margin:0 .3em 0 .8em;background:rgb(${c})` });
-    const shown = run.points.length / 3, parts = ["Points: ", swatch(ramp(this.colouring, 0)), text[0], swatch(ramp(this.colouring, 1)), text[1]];
-    if (run.triangles.length && run.triangles.length / 3 < run.data.surface.count) parts.push(` (of ${run.data.surface.count} triangles of the surface ${run.triangles.length / 3} are drawn)`);
-    if (shown < run.data.map.count) parts.push(` (${shown} of ${run.data.map.count} are drawn)`);
-    parts.push(`. Squares of the ground: ${this.step} m.`);
-    this.others.forEach((o, k) => parts.push(swatch(hex(trackColour(k + 1))), o.label));
+    const key = (colour, shape, label) => [element("i", { className: `key ${shape}`, style: `background:${colour}` }), label];
+    const parts = [...key(css("--accent"), "line", "way"), ...(run.truth.some(Number.isFinite) ? key(css("--truth"), "line wide", "truth") : [])];
+    this.others.forEach((o, k) => parts.push(...key(trackColour(k + 1), "line", o.label)));
+    parts.push(...key(`rgb(${ramp(this.colouring, 0)})`, "", text[0]), ...key(`rgb(${ramp(this.colouring, 1)})`, "", text[1]), `; squares: ${this.step} m`);
+    const shown = run.points.length / 3;
+    if (shown < run.data.map.count) parts.push(`; ${shown} of ${run.data.map.count} landmarks`);
+    if (run.triangles.length && run.triangles.length / 3 < run.data.surface.count) parts.push(`; ${run.triangles.length / 3} of ${run.data.surface.count} triangles`);
     byId("legend").replaceChildren(...parts);
   }
 
@@ -222,29 +263,22 @@ class View3d {
     const run = this.run, scene = this.scene;
     const camera = run.hasPose(i) ? frustum(run.pose.subarray(7 * i, 7 * i + 7), this.radius / 18) : [];
     scene.set("camera", "lines", new Float32Array(camera), painted(camera.length / 3, rgb("--bad")));
-    const picture = run.picture(i), lines = [], colours = [];
+    const picture = run.picture(i), corners = [], colours = [];
     const add = (edges, colour) => {
-      lines.push(...edges);
+      corners.push(...edges);
       for (let k = 0; k < edges.length / 3; k++) colours.push(...colour, 255);
     };
     const here = picture >= 0 ? run.objectsOf.get(run.pictureFrame[picture]) || [] : [];
     for (const o of here) {
       if (!Number.isFinite(o.position[0]) || !(o.motion === 1 || o.id === mover)) continue;
       const [w, h] = Number.isFinite(o.size[0]) ? o.size : [0.4, 0.4];
-      add(boxEdges(o.position, w, h), o.id === mover ? rgb("--ink") : hex(trackColour(o.id)));
+      add(boxEdges(o.position, w, h), o.id === mover ? rgb("--ink") : trackBytes(o.id));
     }
-    for (const [id, track] of run.tracks) {
-      const seen = track.slice(0, upTo(track, i));
-      if (!seen.length || (id !== mover && (!(track.moves <= i) || seen[seen.length - 1].at < i - 60))) continue;
-      const colour = id === mover ? rgb("--ink") : hex(trackColour(id));
-      let before = null;
-      for (const o of seen) {
-        if (!Number.isFinite(o.position[0])) continue;
-        if (before) add([...before.position, ...o.position], colour);
-        before = o;
-      }
+    for (const [id, lines] of pathsAt(run, i, mover)) {
+      const colour = id === mover ? rgb("--ink") : trackBytes(id);
+      for (const line of lines) for (let k = 1; k < line.length; k++) add([...line[k - 1].position, ...line[k].position], colour);
     }
-    scene.set("movers", "lines", new Float32Array(lines), new Uint8Array(colours));
+    scene.set("movers", "lines", new Float32Array(corners), new Uint8Array(colours));
     if (this.following && run.hasPose(i)) this.behind(i);
     this.redraw();
   }
@@ -330,56 +364,3 @@ class View3d {
     });
   }
 }
-
-/// The map from above, in two dimensions, where there is no third one.
-class Plan {
-  constructor(canvas) { this.canvas = canvas; }
-
-  load(run, others) {
-    [this.run, this.others] = [run, others];
-    this.at(0);
-  }
-
-  paint() { this.at(this.frame || 0); }
-  paintWay() {}
-  grow() {}
-  growSurface() {}
-  view() {}
-  redraw() {}
-
-  at(i) {
-    this.frame = i;
-    const { canvas, run } = this, context = canvas.getContext("2d");
-    [canvas.width, canvas.height] = [canvas.clientWidth, canvas.clientHeight];
-    const xs = [], zs = [];
-    for (let k = 0; k < run.count; k++) if (run.hasPose(k)) { xs.push(run.pose[7 * k]); zs.push(run.pose[7 * k + 2]); }
-    const least = (a) => a.reduce((m, x) => Math.min(m, x), Infinity), most = (a) => a.reduce((m, x) => Math.max(m, x), -Infinity);
-    const [x0, x1, z0, z1] = xs.length ? [least(xs), most(xs), least(zs), most(zs)] : [0, 1, 0, 1];
-    const scale = 0.85 * Math.min(canvas.width / Math.max(0.2, x1 - x0), canvas.height / Math.max(0.2, z1 - z0));
-    const px = (x, z) => [canvas.width / 2 + scale * (x - (x0 + x1) / 2), canvas.height / 2 - scale * (z - (z0 + z1) / 2)];
-    const line = (of, colour, at) => {
-      context.strokeStyle = colour;
-      context.beginPath();
-      let pen = false;
-      for (let k = 0; k < of.count; k++) {
-        const [x, z] = at(k);
-        if (!Number.isFinite(x)) { pen = false; continue; }
-        if (pen) context.lineTo(...px(x, z)); else context.moveTo(...px(x, z));
-        pen = true;
-      }
-      context.stroke();
-    };
-    context.lineWidth = 1.5;
-    line(run, css("--ink"), (k) => [run.truth[3 * k], run.truth[3 * k + 2]]);
-    line(run, css("--accent"), (k) => [run.pose[7 * k], run.pose[7 * k + 2]]);
-    this.others.forEach((o, n) => line(o, trackColour(n + 1), (k) => [o.pose[7 * k], o.pose[7 * k + 2]]));
-    if (run.hasPose(i)) {
-      context.fillStyle = css("--bad");
-      context.beginPath();
-      context.arc(...px(run.pose[7 * i], run.pose[7 * i + 2]), 5, 0, 7);
-      context.fill();
-    }
-  }
-}
-
-const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();

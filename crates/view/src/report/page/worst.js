@@ -13,13 +13,40 @@ function worst(run) {
   }
   byId("worst-by").textContent = found.length ? `By ${by[1]}; frames without a pose first.` : "Nothing is known of how good the poses are.";
   byId("worst").replaceChildren(...found.map((i) => {
-    const canvas = element("canvas", {}), text = run.state[i] === LOST ? "no pose" : `${fixed(values[i], 1)} ${by[2]}`;
+    const canvas = element("canvas", { style: "width:160px" }), text = run.state[i] === LOST ? "no pose" : `${fixed(values[i], 1)} ${by[2]}`;
     const picture = run.picture(i);
     if (picture >= 0) {
-      const paint = () => paintPicture(canvas, run, picture, { verdicts: true, boxes: true, mover: null, scale: 2 });
+      const paint = () => paintPicture(canvas, run, picture, { verdicts: true, boxes: false, mover: null, scale: 160 / run.data.pictures.size[0] * density() });
       const image = run.image(picture, paint);
       if (image.complete) paint();
     } else canvas.hidden = true;
-    return element("li", {}, element("button", { type: "button", onclick: () => { seek(i); byId("scene").scrollIntoView({ block: "nearest" }); } }, canvas, `frame ${run.id[i]}: ${text}`));
+    return element("li", {}, element("button", { type: "button", onclick: () => { seek(i); byId("screen").scrollIntoView(); } }, canvas, `frame ${run.id[i]}: ${text}`));
   }));
+}
+
+/// Frames at which something happened, the one that tells most first: what it is in words, and its index.
+function notable(run) {
+  const list = [], most = (values, keep) => {
+    let best = -1;
+    for (let i = 0; i < run.count; i++) if (Number.isFinite(values[i]) && keep(i) && !(values[i] <= values[best])) best = i;
+    return best;
+  };
+  const losses = (run.summary.lost || []).slice().sort((a, b) => b.seconds - a.seconds);
+  if (losses.length) list.push([losses.length > 1 ? "Longest loss" : "Loss", run.at(losses[0].first), `${fixed(losses[0].seconds, 1)} s`]);
+  // For as long as it is undecided who moves, nothing is known of how good a pose is.
+  const decided = (i) => run.state[i] < UNDECIDED && run.state[i] !== LOST;
+  const hasTruth = run.error_mm.some(Number.isFinite), name = hasTruth ? "error_mm" : "sigma_mm";
+  const sure = most(run[name], decided), worst = sure >= 0 ? sure : most(run[name], () => true);
+  if (worst >= 0) list.push([hasTruth ? "Largest error" : "Least certain", worst, `${fixed(run[name][worst], 1)} mm`]);
+  const moving = most(run.moving, () => true);
+  if (moving >= 0 && run.moving[moving] > 0.02) list.push(["Most movement", moving, `${fixed(100 * run.moving[moving], 0)} %`]);
+  const loop = run.marks.find((m) => m.kind === "loop");
+  if (loop) list.push(["Loop closed", loop.at, ""]);
+  return list;
+}
+
+/// Buttons to them.
+function showNotable(run) {
+  page.notable = notable(run);
+  byId("jumps").replaceChildren(...page.notable.map(([name, i, value]) => element("li", {}, element("button", { type: "button", title: value, onclick: () => seek(i) }, `${name}${value ? ` ${value}` : ""}: frame ${run.id[i]}`))));
 }

@@ -1,0 +1,233 @@
+//! Outlines of a rough mask, brought to the edges of the image and made smooth.
+//!
+//! Sides are settled in samples of some pixels first ([`settle`]). Then the guided filter (He, Sun, Tang: Guided Image Filtering, TPAMI 2013) in its fast
+//! form (He, Sun: Fast Guided Filter, 2015) brings them to pixels: around each sample they are fitted as a line over the image's brightness,
+//! and the mean of all such lines is the answer. Where the image has an edge near that of the samples, the answer has its edge there; where it has none,
+//! the answer is the samples blurred, whose middle is a smooth curve. Of the methods that do so (joint bilateral upsampling, graph cuts) it is the
+//! simplest: means over boxes, which cost the same whatever their size.
+
+use super::sides::settle;
+use std::ops::Range;
+use stillpoint_imaging::GrayImage;
+
+/// A sample is a square of so many pixels a side: half a cell.
+pub(super) const STEP: usize = 4;
+/// Lines are fitted over windows that reach so many samples to each side: 20 px in all, so that the edge of a surface is within reach of that of its
+/// cells, and nothing else is.
+const REACH: usize = 2;
+/// Variance of brightness (of 0 to 1) below which it is taken for noise: that of steps of 20 grey levels of 255.
+const NOISE: f32 = 0.0016;
+/// The outline is the middle of the answer's mean over windows that reach so far, px: what is thinner than half of that is no thing.
+const SMOOTH: usize = 2;
+
+/// What is known of a sample's pixels: sums over them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sample {
+    /// Weights.
+    pub(super) weight: f32,
+    /// Weights of those in the mask.
+    pub(super) inside: f32,
+}
+
+/// A rectangle of whole samples: columns and rows of the image.
+#[derive(Clone, Debug)]
+pub(super) struct Window {
+    pub(super) columns: Range<usize>,
+    pub(super) rows: Range<usize>,
+}
+
+impl Window {
+    fn width(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Columns and rows of samples; a remainder at the end counts.
+    pub(super) fn samples(&self) -> [usize; 2] {
+        [&self.columns, &self.rows].map(|r| r.len().div_ceil(STEP))
+    }
+}
+
+/// Whether each pixel of a window is in the refined mask, row by row. `rough` holds its samples.
+pub(super) fn refine(gray: &GrayImage, window: &Window, mut rough: Vec<Sample>) -> Vec<bool> {
+    let [w, h] = window.samples();
+    let brightness = brightness(gray, window);
+    settle(&mut rough, &brightness, w, (STEP * STEP) as f32);
+    let mut lines = box_sums(&fit(&brightness, &rough, w), w, REACH);
+    for [slope, offset, count] in &mut lines {
+        (*slope, *offset) = (*slope / *count, *offset / *count - 0.5);
+    }
+    let clear = clear(&lines, w);
+    let width = window.width();
+    let mut answer = vec![0.0; width * window.rows.len()];
+    for (j, y) in window.rows.clone().enumerate() {
+        let (above, below, share) = between(j, h);
+        let row = &gray.row(y)[window.columns.clone()];
+        let answer = &mut answer[j * width..][..width];
+        for (i, clear) in (0..width).step_by(STEP).zip(&clear[j / STEP * w..]) {
+            let columns = i..(i + STEP).min(width);
+            if let Some(side) = clear {
+                answer[columns].fill(*side);
+                continue;
+            }
+            for i in columns {
+                let (left, right, across) = between(i, w);
+                let [a, b] =
+                    [left, right].map(|x| mix(&lines[above * w + x], &lines[below * w + x], share));
+                let [slope, offset, _] = mix(&a, &b, across);
+                let value = slope * (f32::from(row[i]) / 255.0) + offset;
+                answer[i] = value.clamp(-0.5, 0.5);
+            }
+        }
+    }
+    smoothed(&answer, width, &clear, w)
+}
+
+/// The samples around which all lines say the same, whatever the brightness: a half for inside, minus that for outside.
+fn clear(lines: &[[f32; 3]], width: usize) -> Vec<Option<f32>> {
+    let side = |[slope, offset, _]: &[f32; 3]| {
+        let sure = slope.abs() < 0.01 && offset.abs() > 0.49;
+        [if sure { offset.signum() } else { 0.0 }]
+    };
+    let sides: Vec<[f32; 1]> = lines.iter().map(side).collect();
+    let alone = vec![[1.0]; lines.len()];
+    let sums = box_sums(&sides, width, 1)
+        .into_iter()
+        .zip(box_sums(&alone, width, 1));
+    sums.map(|([sum], [all])| (sum.abs() >= all).then(|| 0.5 * sum.signum()))
+        .collect()
+}
+
+/// Whether the mean of the answers around each pixel is above 0; in samples that are clear, in rows of `samples`, it is the answer itself.
+fn smoothed(answer: &[f32], width: usize, clear: &[Option<f32>], samples: usize) -> Vec<bool> {
+    let height = answer.len() / width.max(1);
+    let range = |v: usize, end: usize| v.saturating_sub(SMOOTH)..(v + SMOOTH + 1).min(end);
+    let mut inside = vec![false; answer.len()];
+    for (y, inside) in inside.chunks_exact_mut(width.max(1)).enumerate() {
+        let clear = &clear[y / STEP * samples..];
+        for ((i, inside), clear) in inside.chunks_mut(STEP).enumerate().zip(clear) {
+            if let Some(side) = clear {
+                inside.fill(*side > 0.0);
+                continue;
+            }
+            for (x, inside) in (i * STEP..).zip(inside) {
+                let columns = range(x, width);
+                let rows = range(y, height).map(|y| &answer[y * width..][columns.clone()]);
+                *inside = rows.flatten().sum::<f32>() > 0.0;
+            }
+        }
+    }
+    inside
+}
+
+/// The mean brightness of each sample, 0 to 1.
+fn brightness(gray: &GrayImage, window: &Window) -> Vec<f32> {
+    let [w, h] = window.samples();
+    let mut sums = vec![[0.0_f32; 2]; w * h];
+    for (j, y) in window.rows.clone().enumerate() {
+        let row = &gray.row(y)[window.columns.clone()];
+        let sums = &mut sums[j / STEP * w..][..w];
+        for (i, grey) in row.iter().enumerate() {
+            let [sum, count] = &mut sums[i / STEP];
+            *sum += f32::from(*grey);
+            *count += 255.0;
+        }
+    }
+    sums.into_iter().map(|[sum, count]| sum / count).collect()
+}
+
+/// The line of each sample: slope, offset, and 1, so that sums of lines know how many they are of.
+fn fit(brightness: &[f32], rough: &[Sample], width: usize) -> Vec<[f32; 3]> {
+    let moments = brightness.iter().zip(rough).map(|(grey, s)| {
+        let weighed = s.weight * grey;
+        [s.weight, weighed, s.inside, weighed * grey, s.inside * grey]
+    });
+    let sums = box_sums(&moments.collect::<Vec<_>>(), width, REACH);
+    let line = |[weight, grey, inside, square, product]: [f32; 5]| {
+        let [grey, inside, square, product] =
+            [grey, inside, square, product].map(|sum| sum / weight);
+        let slope = (product - grey * inside) / ((square - grey * grey).max(0.0) + NOISE);
+        [slope, inside - slope * grey, 1.0]
+    };
+    sums.into_iter().map(line).collect()
+}
+
+/// The two samples around a pixel, of `count`, and how much of the second is in it.
+fn between(pixel: usize, count: usize) -> (usize, usize, f32) {
+    let place = (pixel as f32 + 0.5) / STEP as f32 - 0.5;
+    let first = place.max(0.0) as usize;
+    let second = (first + 1).min(count - 1);
+    (
+        first.min(count - 1),
+        second,
+        (place - first as f32).max(0.0),
+    )
+}
+
+fn mix(a: &[f32; 3], b: &[f32; 3], share: f32) -> [f32; 3] {
+    std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
+}
+
+/// The sums over the squares around each value, which reach so far to each side and are cut at the borders.
+fn box_sums<const N: usize>(values: &[[f32; N]], width: usize, reach: usize) -> Vec<[f32; N]> {
+    let rows: Vec<&[[f32; N]]> = values.chunks_exact(width.max(1)).collect();
+    let mut columns = vec![[0.0; N]; width];
+    let mut sums = Vec::with_capacity(values.len());
+    for row in rows.iter().take(reach) {
+        add(&mut columns, row, 1.0);
+    }
+    for y in 0..rows.len() {
+        if let Some(next) = rows.get(y + reach) {
+            add(&mut columns, next, 1.0);
+        }
+        if let Some(last) = y.checked_sub(reach + 1) {
+            add(&mut columns, rows[last], -1.0);
+        }
+        let mut sum = [[0.0; N]];
+        columns
+            .iter()
+            .take(reach)
+            .for_each(|c| add(&mut sum, &[*c], 1.0));
+        for x in 0..width {
+            if let Some(next) = columns.get(x + reach) {
+                add(&mut sum, &[*next], 1.0);
+            }
+            if let Some(last) = x.checked_sub(reach + 1) {
+                add(&mut sum, &[columns[last]], -1.0);
+            }
+            sums.push(sum[0]);
+        }
+    }
+    sums
+}
+
+#[inline]
+fn add<const N: usize>(sums: &mut [[f32; N]], values: &[[f32; N]], times: f32) {
+    for (sum, value) in sums.iter_mut().zip(values) {
+        for (sum, value) in sum.iter_mut().zip(value) {
+            *sum += times * value;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_are_those_of_the_squares() {
+        let (w, h) = (7, 5);
+        let values: Vec<[f32; 1]> = (0..w * h).map(|i| [((i * i) % 11) as f32]).collect();
+        for reach in [0, 1, 3, 9] {
+            let found = box_sums(&values, w, reach);
+            for (i, [sum]) in found.iter().enumerate() {
+                let near = |a: usize, b: usize| a.abs_diff(b) <= reach;
+                let square = (0..w * h).filter(|j| near(i % w, j % w) && near(i / w, j / w));
+                let expected: f32 = square.map(|j| values[j][0]).sum();
+                assert!(
+                    (sum - expected).abs() < 1e-3,
+                    "{reach} {i}: {sum} {expected}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,40 @@
+"use strict";
+// How the time of a frame is spent: one bar, and in it the parts of its largest part.
+
+const stage = (run, name) => (run.summary.timing_ms || []).find((t) => t.stage === name);
+
+/// Stages that come one after the other in a frame, and those that follow each other while it is tracked. What is left of the whole is the rest.
+const WHOLE = [["frame", "tracking"], ["detect", "detector"], ["map", "mapping"], ["retrace", "retracing"]];
+const TRACKING = [["extract", "keypoints"], ["depth", "depth"], ["flow", "flow"], ["motion", "motion"], ["filter", "static filter"], ["match", "matching"], ["pose", "pose"]];
+
+/// The parts of a whole, each with its mean time per frame, ms; the last is what is left.
+function partsOf(run, whole, names) {
+  const frames = whole.n, share = (t) => t.mean * t.n / frames;
+  const parts = names.map(([name, label]) => [label, stage(run, name)]).filter(([, t]) => t).map(([label, t]) => [label, share(t)]);
+  const known = parts.reduce((sum, [, ms]) => sum + ms, 0);
+  // Threads that share a stage may together take more than the whole lasts: then it is the whole.
+  const total = Math.max(whole.mean, known);
+  return { total, parts: [...parts, ["rest", total - known]] };
+}
+
+function bar({ total, parts }, deep) {
+  const shown = parts.filter(([, ms]) => ms > 0.004 * total);
+  return [element("div", { className: "bar" }, ...shown.map(([label, ms]) =>
+    element("span", { className: label === "rest" ? "rest" : label === deep ? "deep" : "", style: `width:${100 * ms / total}%`, title: `${label}: ${fixed(ms, 2)} ms` }, ms > 0.07 * total ? label : ""))),
+  element("p", { className: "small parts" }, ...shown.map(([label, ms]) => element("span", {}, `${label} ${fixed(ms, ms < 1 ? 2 : 1)} ms`)))];
+}
+
+/// The bar of a frame, and under it that of tracking, drawn as wide.
+function showStages(run) {
+  const tracking = stage(run, "frame"), total = stage(run, "total"), whole = total || tracking;
+  byId("stages-section").hidden = !whole;
+  if (!whole) return;
+  const rows = [], head = (text) => element("p", {}, text), inner = tracking && partsOf(run, tracking, TRACKING);
+  if (total) {
+    const outer = partsOf(run, total, WHOLE);
+    rows.push(head(`A frame, without reading and outputs: ${fixed(outer.total, 1)} ms in the mean`), ...bar(outer, "tracking"));
+  }
+  if (inner) rows.push(head(`${total ? "Inside of it, tracking" : "Tracking"}: ${fixed(inner.total, 1)} ms in the mean`), ...bar(inner, ""));
+  rows.push(element("p", { className: "small" }, `${total ? "Frame" : "Tracking"}: median ${fixed(whole.median, 1)} ms, 99 % under ${fixed(whole.p99, 1)} ms, largest ${fixed(whole.max, 1)} ms. At 30 frames/s there are 33.3 ms.`));
+  byId("stages").replaceChildren(...rows);
+}

@@ -1,0 +1,159 @@
+//! The colours and the typeface of the page: the palette of the pictures, and what is written and drawn beside them.
+
+use crate::Colour;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use std::fmt::Write;
+use stillpoint_evaluation::plot;
+
+/// A name of the style, and its colour on light and on dark paper. Names say what a colour stands for; blue, vermilion and green keep apart for eyes
+/// that tell red from green badly (Okabe and Ito, 2008), and plots have the same ones.
+type Ink = (&'static str, [Colour; 2]);
+
+const fn both(light: u32, dark: u32) -> [Colour; 2] {
+    [of(light), of(dark)]
+}
+
+const fn of(rgb: u32) -> Colour {
+    Colour((rgb >> 16) as u8, (rgb >> 8) as u8, rgb as u8)
+}
+
+/// A colour of the plots.
+const fn plotted(plot::Colour(r, g, b): plot::Colour) -> Colour {
+    Colour(r, g, b)
+}
+
+const PAPER: Ink = ("paper", both(0xff_ffff, 0x14_171b));
+const PANEL: Ink = ("panel", both(0xf3_f5f8, 0x1d_2126));
+const SCENE: Ink = ("scene", both(0xf3_f5f8, 0x0d_0f12));
+/// Bars under words.
+const TINT: Ink = ("tint", both(0xcf_e4f2, 0x1f_3f57));
+const TINT_DEEP: Ink = ("tint-deep", both(0xa9_d0e8, 0x2a_5678));
+const LINE: Ink = ("line", both(0xc9_ced6, 0x3a_414b));
+const INK: Ink = ("ink", [plotted(plot::INK), of(0xe8_eaed)]);
+const MUTED: Ink = ("muted", both(0x52_5966, 0xa9_b0bb));
+/// What was estimated.
+const ACCENT: Ink = ("accent", [plotted(plot::ESTIMATE), of(0x7c_c4f2)]);
+/// What is known to be true: wide, under what was estimated.
+const TRUTH: Ink = ("truth", [plotted(plot::REFERENCE), of(0xc6_ccd5)]);
+const BAD: Ink = ("bad", both(0xa8_3f00, 0xff_9a5c));
+const GOOD: Ink = ("good", both(0x00_6b4c, 0x57_d3ab));
+const WARM: Ink = ("warm", both(0x7d_5200, 0xf2_bf5e));
+
+const INKS: [Ink; 13] = [
+    PAPER, PANEL, SCENE, TINT, TINT_DEEP, LINE, INK, MUTED, ACCENT, TRUTH, BAD, GOOD, WARM,
+];
+
+/// What was said of a feature, in the order of [`Said`](super::Said).
+const SAID: [Colour; 6] = [
+    Colour::STATIC,
+    Colour::SEMANTIC,
+    Colour::RIGID,
+    Colour::EPIPOLAR,
+    Colour::DEPTH,
+    Colour::HISTORY,
+];
+
+/// The style of the page: its typeface, its colours, and `rules` that use them.
+pub(super) fn style(rules: &str) -> String {
+    let font = STANDARD.encode(plot::TYPEFACE);
+    let mut css = format!(
+        "@font-face {{ font-family: Roboto; src: url(data:font/ttf;base64,{font}); font-weight: 1 1000; }}\n:root {{ color-scheme: light dark;"
+    );
+    put(&mut css, 0);
+    for (i, colour) in SAID.iter().enumerate() {
+        let _ = write!(css, " --said-{i}: {};", hex(*colour));
+    }
+    for (i, colour) in Colour::OBJECTS.iter().enumerate() {
+        let _ = write!(css, " --object-{i}: {};", hex(*colour));
+    }
+    css += " }\n@media screen and (prefers-color-scheme: dark) { :root:not([data-paper]) {";
+    put(&mut css, 1);
+    css + " } }\n" + rules
+}
+
+/// The inks of light (0) or dark (1) paper as properties.
+fn put(css: &mut String, which: usize) {
+    for (name, colours) in INKS {
+        // Writing to a String cannot fail.
+        let _ = write!(css, " --{name}: {};", hex(colours[which]));
+    }
+}
+
+fn hex(Colour(r, g, b): Colour) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Relative luminance (WCAG 2.1).
+    fn light(Colour(r, g, b): Colour) -> f64 {
+        let linear = |v: u8| {
+            let v = f64::from(v) / 255.0;
+            if v <= 0.040_45 {
+                v / 12.92
+            } else {
+                ((v + 0.055) / 1.055).powf(2.4)
+            }
+        };
+        0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b)
+    }
+
+    fn contrast(a: Colour, b: Colour) -> f64 {
+        let (a, b) = (light(a), light(b));
+        (a.max(b) + 0.05) / (a.min(b) + 0.05)
+    }
+
+    #[test]
+    fn black_and_white_are_as_far_apart_as_wcag_says() {
+        assert!((contrast(Colour::BLACK, Colour::WHITE) - 21.0).abs() < 1e-9);
+        assert!((contrast(of(0x77_7777), Colour::WHITE) - 4.48).abs() < 0.01);
+    }
+
+    #[test]
+    fn words_and_lines_keep_the_contrast_of_wcag_aa() {
+        for which in 0..2 {
+            let hold = |(front, a): Ink, (back, b): Ink, least: f64| {
+                let found = contrast(a[which], b[which]);
+                assert!(
+                    found >= least,
+                    "{front} on {back} ({which}): {found:.2}, expected {least}"
+                );
+            };
+            for ink in [INK, MUTED, ACCENT, BAD, GOOD, WARM] {
+                for ground in [PAPER, PANEL] {
+                    hold(ink, ground, 4.5);
+                }
+            }
+            for ground in [TINT, TINT_DEEP] {
+                hold(INK, ground, 4.5);
+            }
+            // Lines, borders that tell something, and marks.
+            for ink in [TRUTH, ACCENT, BAD, GOOD, WARM] {
+                for ground in [PAPER, PANEL, SCENE] {
+                    hold(ink, ground, 3.0);
+                }
+            }
+            // An estimate is seen on the truth that lies under it.
+            hold(ACCENT, TRUTH, 1.15);
+        }
+    }
+
+    #[test]
+    fn the_page_has_every_colour_that_its_code_asks_for() {
+        let css = style("");
+        let code = super::super::SCRIPTS.join("\n") + super::super::STYLE + super::super::REPORT;
+        let code = code + &super::super::LIVE.join("\n");
+        let mut asked = 0;
+        for (before, after) in [("css(\"--", "\""), ("rgb(\"--", "\""), ("var(--", ")")] {
+            for part in code.split(before).skip(1) {
+                let name = part.split(after).next().unwrap();
+                assert!(css.contains(&format!(" --{name}: #")), "{name}");
+                asked += 1;
+            }
+        }
+        assert!(asked > 40, "{asked}");
+    }
+}
