@@ -88,12 +88,12 @@ def test_a_run_leaves_the_report_of_the_command_line(room: sp.Simulation, images
         assert ours[part] == theirs[part], part
     # All of a frame but how long it took.
     assert {k: v for k, v in ours["frames"].items() if k != "time_ms"} == {k: v for k, v in theirs["frames"].items() if k != "time_ms"}
-    assert len(ours["pictures"]["jpeg"]) == 12 and ours["frames"]["time_ms"]
+    assert len(ours["pictures"]["webp"]) == 12 and ours["frames"]["time_ms"]
     assert ours["command"] == f"stillpoint_slam.run({str(tmp_path / 'room')!r}, dense=True)"
     assert ours["summary"]["frames"] == 12 and ours["summary"]["accuracy"] == theirs["summary"]["accuracy"]
     # Of a live run as well, with pictures of all frames where nobody is short of time.
     sp.run(tmp_path / "room", out=tmp_path / "out", live=True)
-    assert len(data("out")["pictures"]["jpeg"]) > 0 and not (tmp_path / "out" / "mesh.ply").exists()
+    assert len(data("out")["pictures"]["webp"]) > 0 and not (tmp_path / "out" / "mesh.ply").exists()
     sp.run(room, out=tmp_path / "none", report=False)
     assert not (tmp_path / "none" / "report.html").exists() and (tmp_path / "none" / "summary.json").exists()
     (tmp_path / "file").write_text("")

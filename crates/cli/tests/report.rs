@@ -214,6 +214,7 @@ fn keys_and_fingers_do_what_the_mouse_does() {
     let last = MADE.summary["frames"].as_u64().unwrap() - 1;
     browser.eval("document.querySelector('#timeline').focus()");
     for (key, expected) in [
+        ("Home", 0),
         ("ArrowRight", 1),
         ("End", last),
         ("ArrowLeft", last - 1),

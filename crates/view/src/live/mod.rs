@@ -32,8 +32,8 @@ use stillpoint_slam::{Event, FrameReport, Health, Outcome, Subscriber};
 
 /// What happened that is told, at most; the oldest give way.
 const MOST_MARKS: usize = 500;
-/// Bytes of the picture on average: ten a second take 1.3 Mbit/s as text.
-const PICTURE_BYTES: usize = 12_000;
+/// Bytes of the picture on average: fifteen a second take 1.3 Mbit/s as text.
+const PICTURE_BYTES: usize = 8_000;
 
 /// The page of a run that goes on: the run's name is its title. It asks for `events` beside itself, as server-sent events: `update` with an
 /// [`Update`] each, and at the end `report` with a [`RunData`](crate::report::RunData), or `end` with a line of text.

@@ -60,7 +60,7 @@ class Timeline {
     [canvas.width, canvas.height] = [w * scale, h * scale];
     const g = canvas.getContext("2d");
     g.scale(scale, scale);
-    this.left = 104;
+    [this.left, this.right] = [104, w - RIGHT];
     const width = w - this.left - RIGHT, band = 10, top = 14, n = run.count;
     const seconds = n ? run.seconds[n - 1] : 0, until = (i) => (i < n ? this.x(i) : this.left + width);
     this.x = (i) => this.left + (seconds > 0 ? run.seconds[i] / seconds : 0.5) * width;
@@ -180,7 +180,8 @@ class Timeline {
   at(i) {
     this.frame = i;
     const run = this.run;
-    this.line.style.transform = `translateX(${this.x(i)}px)`;
+    // While a run goes on, the newest frames are later than what is painted.
+    this.line.style.transform = `translateX(${Math.min(this.x(i), this.right)}px)`;
     this.canvas.setAttribute("aria-valuenow", String(i));
     if (!run.count) return;
     this.canvas.setAttribute("aria-valuetext", `frame ${run.id[i]}, ${STATES[run.state[i]]}, ${fixed(run.seconds[i], 2)} seconds`);
