@@ -59,7 +59,7 @@ pub(super) fn settle(samples: &mut [Sample], brightness: &[f32], width: usize, w
             },
         );
     }
-    // The middle of what is narrow is as sure as that of what is wide: else nothing would be left of it where the image has no edge.
+    // The middle of what is narrow is sure, too, and no nearer to the border than other sides are: else nothing would be left of it where the image has no edge.
     let is_middle = |i: usize| {
         let beside = [
             i.checked_sub(1),
@@ -73,8 +73,10 @@ pub(super) fn settle(samples: &mut [Sample], brightness: &[f32], width: usize, w
     let way = |(i, s): (usize, &Sample)| {
         let inside = is_inside(s);
         let depth = if inside { within[i] } else { from[i] };
-        let doubt = if depth > BAND || is_middle(i) {
+        let doubt = if depth > BAND {
             0.0
+        } else if is_middle(i) {
+            BAND - depth
         } else {
             DOUBT[0] - DOUBT[1] * (depth - 1.0)
         };
