@@ -51,6 +51,7 @@ mod tests {
             width: 8,
             height: 6,
             labels: (0..48).map(cell).collect(),
+            seen: [].into(),
         };
         let shown = tinted(&frame, &segments);
         let colour = shown.colour.as_ref().unwrap();

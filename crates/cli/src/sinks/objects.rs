@@ -82,12 +82,16 @@ impl ObjectFile {
         })
     }
 
-    /// One row per object of a frame.
+    /// One row per object of a frame that is sure to be one.
     fn add(&mut self, report: &FrameReport) -> Result<(), Failure> {
-        self.rows += report.objects.len();
+        let objects = report.objects.iter();
+        let sure: Vec<&Object> = objects
+            .filter(|o| o.state != ObjectState::Tentative)
+            .collect();
+        self.rows += sure.len();
         self.file.write(|w| {
-            let mut objects = report.objects.iter();
-            objects.try_for_each(|o| writeln!(w, "{}", row(report.stamp, o)))
+            let mut rows = sure.into_iter();
+            rows.try_for_each(|o| writeln!(w, "{}", row(report.stamp, o)))
         })
     }
 }

@@ -11,17 +11,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use stillpoint_geometry::assign;
 use stillpoint_imaging::CoarseDepth;
 
-/// Integer units of one of benefit: sums are exact, and what is equal stays so.
+/// Integer units per unit of benefit: sums of whole numbers below 2^53 are exact, and what is equal stays so.
 const UNITS: f64 = 1e6;
-/// What no sum of benefits outweighs.
-const FORBIDDEN: f64 = -1e12;
 /// Tracks or detections that the method is used on at once. Things that hide each other in chains so long are boxes without meaning, as of a
 /// detector with a wrong threshold; there each takes what fits it best.
 const LARGEST_GROUP: usize = 64;
-/// What the least likely pair that passes the gates counts for.
-const LEAST_BENEFIT: f64 = 0.01;
-/// Head start of a confirmed object over one that was seen once, so that a false alarm does not take its detection.
-const CONFIRMED: f64 = 0.2;
 
 /// For each track its detection and that detection's index: the assignment of the greatest sum of benefits (Kuhn 1955, Munkres 1957) among the pairs that
 /// pass the gates. Of the surfaces in a box, those of objects in front are taken away.
@@ -50,11 +44,9 @@ pub(super) fn associate(
                 continue;
             }
             if let Some(fit) = track.fit(view, &expected[i], &own(i, j), share) {
-                let bonus = if track.confirmed() { CONFIRMED } else { 0.0 };
-                // Any match is better than none.
                 let doubt = around[j].doubt(&tracks[i], &expected[i]);
-                let benefit = (1.0 + fit.benefit + bonus - doubt).max(LEAST_BENEFIT);
-                let benefit = (benefit * UNITS) as i64;
+                // Any match is better than none.
+                let benefit = ((1.0 + fit.benefit - doubt) * UNITS).max(1.0) as i64;
                 pairs.push(Pair {
                     track: i,
                     detection: j,
@@ -143,7 +135,7 @@ impl Group<'_> {
 
 /// The benefits where no pair passes the gates. Each track has a column of its own, after those of the detections, that stands for no detection.
 fn none_at_all(tracks: usize, detections: usize) -> Vec<Vec<f64>> {
-    let mut weights = vec![vec![FORBIDDEN; detections + tracks]; tracks];
+    let mut weights = vec![vec![f64::NEG_INFINITY; detections + tracks]; tracks];
     for (i, row) in weights.iter_mut().enumerate() {
         row[detections + i] = 0.0;
     }

@@ -5,6 +5,7 @@
 //! what a detection measures (`measurement`, `depth`), the assignment (`associate`, `expected`, `fit`, `occlusion`, `profile`), the life of an object (`track`, `tracker`, `sight`, `duplicates`, `lost`).
 
 mod associate;
+mod common;
 mod config;
 mod depth;
 mod duplicates;
@@ -41,7 +42,7 @@ pub struct ObjectId(pub u32);
 /// How sure it is that an object is there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObjectState {
-    /// Seen too little to be sure: may be a false alarm, masks all the same.
+    /// Seen too little to be sure, or just found more than a step from where it was taken to be: may be a false alarm, masks all the same.
     Tentative,
     /// Seen at least three times, and in the newest detections.
     Confirmed,
@@ -70,7 +71,8 @@ pub struct Object {
     /// Nearest and farthest depth (camera z, m) of its surface, widened by the standard deviation of its predicted depth; `None` without depth or
     /// behind the camera.
     pub depth_range: Option<[f64; 2]>,
-    /// Middle of its visible surface in the world, m; `None` while no depth of it was seen.
+    /// Middle of its visible surface in the world, m; `None` while no depth of it was seen. While the object is more than tentative it moves no faster than a run
+    /// from one update to the next.
     pub position: Option<Vec3>,
     /// Velocity in the world, m/s; `None` with the position.
     pub velocity: Option<Vec3>,

@@ -1,6 +1,7 @@
 //! Objects that hide each other: whose surface it is that a box shows.
 
 use super::ObjectId;
+use super::common::{HALF, MUCH, PART};
 use super::depth::{DepthMode, modes};
 use super::duplicates::SAME_DEPTH;
 use super::expected::Expected;
@@ -13,23 +14,9 @@ use crate::BoundingBox;
 use stillpoint_geometry::Vec2;
 use stillpoint_imaging::CoarseDepth;
 
-/// A side is cut by somebody who covers this share of it.
-const COVERED: f64 = 0.5;
-/// Share of a box that a person mostly shows of himself, however many stand before him.
+/// Share of a box that a person mostly shows of himself, however many stand before him. Measured: 0.05 is alike.
 const SHOWN: f64 = 0.1;
-/// What it counts against a person that a box shows nothing at his depth.
-const MISSING: f64 = 0.8;
-/// What it counts against a person that he goes on beside the box ...
-const ELSEWHERE: f64 = 1.0;
-/// ... with as much of him as this, or more.
-const GOES_ON: f64 = 0.4;
-/// Who covers this share of a box may hide most of the one that it is of.
-const COVERS: f64 = 0.25;
-/// Share of the width of a box beside those who cover the rest, from which it may be the box of somebody new.
-const BESIDE: f64 = 0.4;
-/// The least part of a box that is somebody whom others mostly hide.
-const SLIVER: f64 = 0.05;
-/// Part of a box from above in which a person's middle is measured: legs swing.
+/// Part of a box from above in which a person's middle is measured, a share: legs swing, and are the lower 40 % of what a camera at eye level sees.
 const TRUNK: f64 = 0.6;
 
 /// A confirmed object before an update.
@@ -66,7 +53,7 @@ impl Occupant {
             [self.bounds.x0, self.bounds.x1],
             [self.bounds.y0, self.bounds.y1],
         );
-        covered([b.x0, b.x1], x) * covered([b.y0, b.y1], y) >= COVERS
+        covered([b.x0, b.x1], x) * covered([b.y0, b.y1], y) >= PART
     }
 
     /// The larger part of a box beside it.
@@ -135,8 +122,8 @@ impl Shown {
             return 0.0;
         };
         let missing = (1.0 - profile.share(own.range()) / SHOWN).max(0.0);
-        let goes_on = (profile.goes_on(own.range()) / GOES_ON).min(1.0);
-        MISSING * missing + ELSEWHERE * goes_on
+        let goes_on = (profile.goes_on(own.range()) / MUCH).min(1.0);
+        missing + goes_on
     }
 
     /// The plumb line through the middle of what a detection shows of a person; `None` where not all of the width is seen. A box's sides are where the arms are, the middle of the
@@ -188,7 +175,7 @@ impl Shown {
         let covering = |o: &&Occupant| o.reported && o.covers(b);
         let covering: Vec<&Occupant> = self.occupants.iter().filter(covering).collect();
         let rest = covering.iter().fold(*b, |rest, o| o.beside(&rest));
-        if covering.is_empty() || rest.width() < BESIDE * b.width() {
+        if covering.is_empty() || rest.width() < MUCH * b.width() {
             return m.clone();
         }
         let own = modes(depth, &rest);
@@ -224,8 +211,8 @@ impl Shown {
         let b = m.detection.bounds;
         let before = |o: &&Occupant| o.id != track.id && o.before(own);
         for o in self.occupants.iter().filter(before) {
-            let across = covered([b.y0, b.y1], [o.bounds.y0, o.bounds.y1]) >= COVERED;
-            let along = covered([b.x0, b.x1], [o.bounds.x0, o.bounds.x1]) >= COVERED;
+            let across = covered([b.y0, b.y1], [o.bounds.y0, o.bounds.y1]) >= HALF;
+            let along = covered([b.x0, b.x1], [o.bounds.x0, o.bounds.x1]) >= HALF;
             let inside = |x: f64, from: f64, to: f64| x > from && x < to;
             cut[0] |= across && inside(b.x0, o.bounds.x0, o.bounds.x1);
             cut[2] |= across && inside(b.x1, o.bounds.x0, o.bounds.x1);
@@ -259,7 +246,7 @@ impl Shown {
             let covering = others.clone().filter(|o| o.covers(&m.detection.bounds));
             let ends = covering.map(|o| o.z[0] + SAME_DEPTH);
             if let Some(end) = ends.reduce(f64::max) {
-                modes.extend(profile.surface([near.max(end), far], SLIVER));
+                modes.extend(profile.surface([near.max(end), far], SHOWN));
                 modes.sort_by(|a, b| a.depth.total_cmp(&b.depth));
             }
         }

@@ -16,9 +16,6 @@ pub(super) struct Planar {
     rotation: Mat3,
 }
 
-/// Acceleration of the box per m/s^2 of the object, in sizes of the box: one, as for something a metre high.
-const SIZES_PER_METRE: f64 = 1.0;
-
 impl Planar {
     /// From one detection.
     pub(super) fn new(view: &View, m: &Measurement, share: f64) -> Self {
@@ -53,7 +50,8 @@ impl Planar {
     /// The state `dt` seconds later, still as the old camera would see it.
     pub(super) fn propagate(&mut self, dt: f64, acceleration: f64) {
         let extent = libm::exp(self.state.mean[2].max(self.state.mean[3]));
-        let pixels = acceleration * SIZES_PER_METRE * extent;
+        // As of something that is a metre high.
+        let pixels = acceleration * extent;
         let drive = |value, density| Drive {
             value,
             rate: Some(value + 4),

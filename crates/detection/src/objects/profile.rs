@@ -1,74 +1,42 @@
 //! How much of a box lies at which depth: whose surface it shows, however small a part of it.
 
-use super::depth::DepthMode;
+use super::common::{MUCH, PART};
+use super::depth::{DepthMode, MOST_CELLS};
 use crate::BoundingBox;
 use stillpoint_imaging::CoarseDepth;
 
-/// Width of a bin, m.
-const BIN: f64 = 0.05;
-/// Bins: beyond 8 m a depth says little of who is who.
-const BINS: usize = 160;
-/// Rows and columns of cells that are looked at in a box, less than twice as many.
-const MOST_CELLS: usize = 32;
-/// Fewer cells have no middle ...
-const LEAST_CELLS: usize = 8;
-/// ... nor do those that are a lesser share of a box.
-const FILLED: f64 = 0.4;
-/// Of a box's width and height, how far around it is looked for what goes on there.
-const AROUND: f64 = 0.25;
+/// Fewer cells with depth say nothing, a number: the standard deviation of a share of eight is 18 %.
+pub(super) const LEAST_CELLS: usize = 8;
 
-/// Numbers of cells by depth.
+/// Depths of cells in ascending order, m.
 #[derive(Clone, Debug, PartialEq)]
-struct Histogram {
-    /// Cells nearer than the end of each bin.
-    below: [u16; BINS],
-    /// Cells with depth.
-    all: f64,
-}
+struct Depths(Vec<f64>);
 
-impl Histogram {
-    fn new(depths: &[f64]) -> Self {
-        let mut below = [0_u16; BINS];
-        for z in depths {
-            if let Some(n) = below.get_mut((z / BIN) as usize) {
-                *n += 1;
-            }
-        }
-        for i in 1..BINS {
-            below[i] += below[i - 1];
-        }
-        Self {
-            below,
-            all: depths.len() as f64,
-        }
+impl Depths {
+    fn new(mut depths: Vec<f64>) -> Self {
+        depths.sort_by(f64::total_cmp);
+        Self(depths)
     }
 
-    /// Cells nearer than a depth; a bin counts by the part of it that is.
-    fn nearer(&self, z: f64) -> f64 {
-        let at = (z / BIN).clamp(0.0, BINS as f64);
-        let bin = (at as usize).min(BINS - 1);
-        let before = bin.checked_sub(1).map_or(0, |b| self.below[b]);
-        let of_bin = f64::from(self.below[bin] - before);
-        f64::from(before) + of_bin * (at - bin as f64)
-    }
-
-    /// Cells between two depths.
-    fn between(&self, [near, far]: [f64; 2]) -> f64 {
-        (self.nearer(far) - self.nearer(near)).max(0.0)
+    /// Those between two depths.
+    fn between(&self, [near, far]: [f64; 2]) -> &[f64] {
+        let at = |z: f64| self.0.partition_point(|d| *d < z);
+        let (from, to) = (at(near), at(far));
+        &self.0[from..to.max(from)]
     }
 }
 
 /// Depths in a box and beside it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Profile {
-    inside: Histogram,
+    inside: Depths,
     /// Left and right of it, and above.
-    beside: Histogram,
+    beside: Depths,
 }
 
 impl Profile {
     pub(super) fn new(depth: &CoarseDepth, b: &BoundingBox) -> Self {
-        let (w, h) = (b.width() * AROUND, b.height() * AROUND);
+        let (w, h) = (b.width() * PART, b.height() * PART);
         let around = BoundingBox {
             x0: b.x0 - w,
             y0: b.y0 - h,
@@ -85,29 +53,29 @@ impl Profile {
             }
         });
         Self {
-            inside: Histogram::new(&inside),
-            beside: Histogram::new(&beside),
+            inside: Depths::new(inside),
+            beside: Depths::new(beside),
         }
     }
 
     /// Share of the cells with depth that lie between two depths, 0 to 1.
     pub(super) fn share(&self, range: [f64; 2]) -> f64 {
-        self.inside.between(range) / self.inside.all.max(1.0)
+        self.inside.between(range).len() as f64 / self.inside.0.len().max(1) as f64
     }
 
     /// What lies between two depths: which share of it lies beside the box, 0 to 1.
     pub(super) fn goes_on(&self, range: [f64; 2]) -> f64 {
-        let (inside, beside) = (self.inside.between(range), self.beside.between(range));
-        beside / (inside + beside).max(1.0)
+        let count = |depths: &Depths| depths.between(range).len();
+        let (inside, beside) = (count(&self.inside), count(&self.beside));
+        beside as f64 / (inside + beside).max(1) as f64
     }
 
     /// The surface between two depths; `None` where fewer cells lie than `least`, as a share of all.
     pub(super) fn surface(&self, range: [f64; 2], least: f64) -> Option<DepthMode> {
         let share = self.share(range);
-        let half = self.inside.nearer(range[0]) + self.inside.between(range) / 2.0;
-        let bin = self.inside.below.partition_point(|n| f64::from(*n) < half);
-        let depth = ((bin as f64 + 0.5) * BIN).max(range[0]).min(range[1]);
-        (share >= least && share > 0.0).then_some(DepthMode {
+        let own = self.inside.between(range);
+        let depth = *own.get(own.len() / 2)?;
+        (share >= least).then_some(DepthMode {
             depth,
             range,
             share,
@@ -132,7 +100,7 @@ pub(super) fn middle_column(
         }
     });
     found.sort_by(f64::total_cmp);
-    let enough = found.len() >= LEAST_CELLS && found.len() as f64 >= FILLED * f64::from(all);
+    let enough = found.len() >= LEAST_CELLS && found.len() as f64 >= MUCH * f64::from(all);
     enough.then(|| (found[found.len() / 2] + found[(found.len() - 1) / 2]) / 2.0)
 }
 

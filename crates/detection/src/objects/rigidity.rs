@@ -1,5 +1,6 @@
 //! Whether an object stands still, judged over time with hysteresis.
 
+use super::common::STEP;
 use serde::{Deserialize, Serialize};
 
 /// What is known about an object's motion.
@@ -25,16 +26,10 @@ pub(super) struct Rigidity {
     still_since: Option<f64>,
 }
 
-/// Fewer tested features say nothing.
+/// Fewer tested features say nothing, a number: the standard deviation of a share of five is 22 %.
 const LEAST_TESTED: u32 = 5;
-/// Time constant of the smoothing, s: what a swinging arm does in one frame is averaged over a step.
-const SMOOTHING: f64 = 0.3;
-/// Below this smoothed share an object moves.
+/// Below this smoothed share of features that stand still an object moves (section 14 of docs/algorithm.md).
 const MOVING: f64 = 0.6;
-/// A single frame with so small a share of at least [`CERTAIN`] features ends parking at once: a mover must not pass for static for long.
-const BREAKS: f64 = 0.3;
-/// See [`BREAKS`].
-const CERTAIN: u32 = 10;
 
 impl Rigidity {
     pub(super) fn motion(&self) -> Motion {
@@ -55,7 +50,7 @@ impl Rigidity {
         let now = f64::from(agreeing.min(tested)) / f64::from(tested);
         let share = match self.share {
             Some((_, last)) if stamp <= last => return,
-            Some((old, last)) => now + (old - now) * libm::exp((last - stamp) / SMOOTHING),
+            Some((old, last)) => now + (old - now) * libm::exp((last - stamp) / STEP),
             None => now,
         };
         self.share = Some((share, stamp));
@@ -64,7 +59,8 @@ impl Rigidity {
         } else if self.still_since.is_none() {
             self.still_since = Some(stamp);
         }
-        let broken = now < BREAKS && tested >= CERTAIN;
+        // What swings is averaged over a step, but a mover must not pass for static for long.
+        let broken = now < MOVING / 2.0 && tested >= 2 * LEAST_TESTED;
         if share < MOVING || broken {
             self.motion = Motion::Moving;
             self.still_since = None;

@@ -1,19 +1,14 @@
 //! Whether an object that was not detected is hidden, gone, or only missed.
 
+use super::common::{HALF, PART};
+use super::duplicates::SAME_DEPTH;
+use super::profile::LEAST_CELLS;
 use super::track::{Body, Track};
 use super::view::View;
 use crate::BoundingBox;
 use stillpoint_imaging::CoarseDepth;
 
-/// Share of the middle of a box that an object covers at least where it is.
-const LEAST_SUPPORT: f64 = 0.2;
-/// Share of it that must lie behind for the object to be gone and not hidden.
-const SEEN_THROUGH: f64 = 0.5;
-/// Fewer cells with depth say nothing.
-const LEAST_CELLS: usize = 6;
-/// Share of a box within the image below which what is left of it is out of sight: it is about to leave, or has left.
-const IN_VIEW: f64 = 0.3;
-/// How long an object is followed behind others, s: the time that two people need to pass. After that it is looked for where it went in.
+/// How long an object is followed behind others, s: the time that two people need to pass (section 14 of docs/algorithm.md). After that it is looked for where it went in.
 const HIDDEN_SECONDS: f64 = 1.0;
 
 impl Track {
@@ -23,25 +18,26 @@ impl Track {
         let seen = match &self.body {
             Body::Spatial(s) => s.project(view).and_then(|p| {
                 let bounds = view.raw(&p.sides);
-                self.leaves = view.inside(&p.sides) < IN_VIEW;
+                self.leaves = view.inside(&p.sides) < PART;
                 let sigma = s.depth_variance(&p).max(0.0).sqrt().min(0.5);
-                let margin = 0.25 + sigma;
+                let margin = SAME_DEPTH + sigma;
                 let range = [p.z - self.reach[0] - margin, p.z + self.reach[1] + margin];
                 support(depth, &bounds, range)
             }),
             Body::Planar(_) => None,
         };
         match seen {
-            Some([_, own, behind]) if own < LEAST_SUPPORT && behind >= SEEN_THROUGH => {
+            Some([_, own, behind]) if own < PART && behind >= HALF => {
                 self.absent += 1;
                 self.hidden = true;
             }
             Some([_, own, _]) => {
                 self.absent = 0;
-                self.hidden = own < LEAST_SUPPORT;
+                self.hidden = own < PART;
             }
             None => {}
         }
+        self.shows = seen.is_some_and(|[_, own, _]| own >= HALF);
     }
 
     /// Whether it is out of sight: hidden, or gone from where it was.

@@ -1,14 +1,16 @@
 //! One object: its filter, and how it was seen.
 
+use super::common::{LOOKS, MUCH, STEP};
 use super::depth::DepthMode;
 use super::expected::Expected;
 use super::fit::CHI2_99;
 use super::kalman::{Gaussian, Row};
 use super::kind::liveliness;
+use super::lost::NEAR;
 use super::measurement::Measurement;
 use super::planar::Planar;
 use super::rigidity::Rigidity;
-use super::spatial::Spatial;
+use super::spatial::{FASTEST, Spatial};
 use super::view::View;
 use super::votes::Votes;
 use super::{Motion, Object, ObjectId, ObjectState};
@@ -42,8 +44,6 @@ pub(super) struct Track {
     pub(super) born: f64,
     /// Where it was when it was seen last, m.
     pub(super) seen_at: Option<Vec3>,
-    /// The greatest height that it was measured to have, m.
-    pub(super) tallest: f64,
     /// Whether it was looked up among those that were lost.
     pub(super) known: bool,
     /// Whether another track goes on with its number.
@@ -65,18 +65,17 @@ pub(super) struct Track {
     /// Updates in a row in which it was on the same thing as an elder track.
     pub(super) duplicate: u32,
     pub(super) rigidity: Rigidity,
+    /// Whether the depth image showed it in its place when it was not detected last.
+    pub(super) shows: bool,
+    /// The position that was reported at the last update, m, and its stamp, s.
+    placed: Option<(Vec3, f64)>,
+    /// How far the state's position was beyond it, m.
+    lag: Vec3,
+    /// Whether the last update moved it no farther than a step.
+    steady: bool,
+    /// Whether it has just gone on as an object that was out of sight.
+    returned: bool,
 }
-
-/// So many contradictions in a row, and the depth is started over.
-const CONTRADICTIONS: u32 = 3;
-/// How long an object lives on that was seen once, s.
-const FIRST_PATIENCE: f64 = 0.3;
-/// A box at the border that overlaps less with the one expected has changed at once.
-const CHANGED: f64 = 0.4;
-/// Detections from which an object is reported as one.
-const REPORTED_HITS: u32 = 3;
-/// Least reach of a surface as a share of the object's width: bodies are not flat.
-const LEAST_REACH: f64 = 0.4;
 
 impl Track {
     pub(super) fn new(id: ObjectId, view: &View, m: &Measurement, stamp: f64, share: f64) -> Self {
@@ -92,7 +91,6 @@ impl Track {
             votes: Votes::new(&m.detection),
             born: stamp,
             seen_at: None,
-            tallest: 0.0,
             known: false,
             replaced: false,
             absent: 0,
@@ -104,6 +102,11 @@ impl Track {
             contradictions: 0,
             duplicate: 0,
             rigidity: Rigidity::default(),
+            shows: false,
+            placed: None,
+            lag: Vec3::zeros(),
+            steady: true,
+            returned: false,
         }
     }
 
@@ -112,9 +115,39 @@ impl Track {
         self.hits >= 2
     }
 
+    /// Where the middle of its surface is in the world, m.
+    pub(super) fn position(&self) -> Option<Vec3> {
+        match &self.body {
+            Body::Spatial(s) => Some(self.trunk.as_ref().unwrap_or(s).position()),
+            Body::Planar(_) => None,
+        }
+    }
+
+    /// Ends an update: the position that is reported follows that of the state no faster than anything moves. One that is farther off than a step is that of another
+    /// surface, or of another track: the object is not reported in this update.
+    pub(super) fn place(&mut self, stamp: f64) {
+        let returned = std::mem::take(&mut self.returned);
+        self.steady = !returned;
+        self.lag = Vec3::zeros();
+        let Some(at) = self.position() else {
+            self.placed = None;
+            return;
+        };
+        if let Some((was, when)) = self.placed.filter(|_| !returned) {
+            let (way, most) = (at - was, FASTEST * (stamp - when));
+            let excess = way.norm() - most;
+            if excess > NEAR {
+                self.steady = false;
+            } else if excess > 0.0 {
+                self.lag = way * (excess / way.norm());
+            }
+        }
+        self.placed = Some((at - self.lag, stamp));
+    }
+
     /// Whether it is sure enough to be called an object: false alarms come twice now and then, and with low scores.
     pub(super) fn reported(&self) -> bool {
-        self.hits >= REPORTED_HITS && self.votes.suffice()
+        self.hits >= LOOKS && self.votes.suffice()
     }
 
     pub(super) fn propagate(&mut self, dt: f64, acceleration: f64) {
@@ -170,7 +203,7 @@ impl Track {
 
     /// Takes in a detection of this object.
     pub(super) fn absorb(&mut self, view: &View, m: &Measurement, stamp: f64, share: f64) {
-        if m.cut.contains(&true) && self.bounds(view).iou(&m.detection.bounds) < CHANGED {
+        if m.cut.contains(&true) && self.bounds(view).iou(&m.detection.bounds) < MUCH {
             self.restart(view, m, share);
         }
         self.hits = self.hits.saturating_add(1);
@@ -238,16 +271,17 @@ impl Track {
     }
 
     /// Goes on as an object that was out of sight: it is one already.
-    pub(super) fn return_as(&mut self, id: ObjectId) {
+    pub(super) fn return_as(&mut self, id: ObjectId, sure: bool) {
         self.id = id;
         self.known = true;
-        self.hits = self.hits.max(REPORTED_HITS);
-        self.votes.are_enough();
+        self.returned = true;
+        self.hits = self.hits.max(LOOKS);
+        self.votes.are_enough(sure);
     }
 
     /// How long it may live on without detections, s: no longer than it was seen, so that false alarms end soon.
     pub(super) fn patience(&self, coast: f64) -> f64 {
-        (self.last_seen - self.born + FIRST_PATIENCE).min(coast)
+        (self.last_seen - self.born + STEP).min(coast)
     }
 
     /// After a detection: where it is, and whether it rests.
@@ -260,7 +294,6 @@ impl Track {
                 trunk.settle(down, may_rest, parked);
             }
             self.seen_at = Some(s.position());
-            self.tallest = self.tallest.max(s.size()[1]);
         }
     }
 
@@ -274,7 +307,7 @@ impl Track {
             0
         };
         let planar = matches!(self.body, Body::Planar(_));
-        if planar || self.contradictions >= CONTRADICTIONS {
+        if planar || self.contradictions >= LOOKS {
             self.body = body_from(view, m, share, liveliness(self.class));
             self.trunk = None;
             self.reach = reach(&nearest);
@@ -308,10 +341,16 @@ impl Track {
 
     /// The object as the tracker's users see it.
     pub(super) fn object(&self, view: &View) -> Object {
-        let state = match (self.reported(), self.misses) {
+        let sure =
+            self.reported() && self.steady && (self.votes.sure() || liveliness(self.class) < 1.0);
+        let unseen = !self.shows
+            && self
+                .placed
+                .is_some_and(|(_, now)| now - self.last_seen > STEP);
+        let state = match (sure, self.misses) {
             (false, _) => ObjectState::Tentative,
             (true, 0) => ObjectState::Confirmed,
-            (true, _) if self.hidden || self.leaves => ObjectState::Hidden,
+            (true, _) if self.hidden || self.leaves || unseen => ObjectState::Hidden,
             (true, _) => ObjectState::Coasting,
         };
         let mut object = Object {
@@ -331,13 +370,17 @@ impl Track {
         };
         if let Body::Spatial(s) = &self.body {
             let middle = self.trunk.as_ref().unwrap_or(s);
-            object.position = Some(middle.position());
+            let mut covariance = middle.covariance();
+            let mut place = covariance.fixed_view_mut::<3, 3>(0, 0);
+            place += self.lag * self.lag.transpose();
+            object.position = Some(middle.position() - self.lag);
             object.velocity = Some(middle.velocity());
-            object.covariance = Some(middle.covariance());
+            object.covariance = Some(covariance);
             object.size = Some(s.size());
             object.depth_range = s.project(view).map(|p| {
                 let sigma = s.depth_variance(&p).max(0.0).sqrt();
-                let least = LEAST_REACH * s.size()[0];
+                // Bodies are not flat.
+                let least = MUCH * s.size()[0];
                 let [front, back] = self.reach.map(|r| r.max(least));
                 [(p.z - front - sigma).max(0.0), p.z + back + sigma]
             });

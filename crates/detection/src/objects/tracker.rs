@@ -15,7 +15,7 @@ use crate::{Detection, Detections};
 use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::CoarseDepth;
 
-/// Share of the time to park after which a thing that does not move by itself is parked.
+/// Share of the time to park after which a thing that does not move by itself is parked (section 14 of docs/algorithm.md).
 const THINGS_PARK: f64 = 0.33;
 /// Follows what a detector sees: an extended Kalman filter per object, detections assigned to objects by the Hungarian method.
 ///
@@ -35,10 +35,8 @@ pub struct ObjectTracker {
 }
 
 /// Detections of one frame that are looked at, those of the best scores: as many as transformers give, and three times what networks are scored
-/// with (COCO). The work grows with the square of their number.
+/// with (COCO). The work grows with the square of their number. No more objects than these are followed at a time.
 pub const MOST_DETECTIONS: usize = 300;
-/// Objects that are followed at a time: no new ones begin above.
-const MOST_TRACKS: usize = 300;
 
 /// The detections that are looked at, in the order in which they came.
 fn strongest(all: &[Detection]) -> Vec<&Detection> {
@@ -138,6 +136,9 @@ impl ObjectTracker {
             kept
         });
         self.memory.recognise(&mut self.tracks);
+        for track in &mut self.tracks {
+            track.place(stamp);
+        }
     }
 
     /// Starts objects of detections that are of none.
@@ -159,7 +160,7 @@ impl ObjectTracker {
         let occlusion = Occlusion::new(&self.tracks, &expected);
         for j in new
             .into_iter()
-            .take(MOST_TRACKS.saturating_sub(self.tracks.len()))
+            .take(MOST_DETECTIONS.saturating_sub(self.tracks.len()))
         {
             let m = &measurements[j];
             let own = occlusion.around(m, depth).seen_of_new(m, depth);

@@ -7,7 +7,7 @@ use stillpoint_geometry::{Mat3, Se3, Vec3};
 const ROLL: f64 = 0.2;
 /// Standard deviation of how far a camera looks up or down, rad: at a desk, or at the floor before a robot.
 const PITCH: f64 = 0.45;
-/// Cameras for which the first one counts as to its roll: a run is begun with some care, and a slow roll after that is one.
+/// Cameras for which the first one counts as to its roll, a number: a run is begun with some care, and a slow roll after that is one. Measured: with 1 real people have more ghosts.
 const FIRST: f64 = 100.0;
 
 /// The vertical of the world as the direction to which the cameras' x axes, and to a lesser degree their z axes, are nearest to perpendicular: the vertical that

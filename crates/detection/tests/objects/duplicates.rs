@@ -66,6 +66,31 @@ fn two_people_close_together_stay_two() {
     }
 }
 
+/// A network that calls somebody's legs a cake has found no cake: what lies on a person, at his depth, is the person. Beside him it is a thing.
+#[test]
+fn a_thing_on_a_person_at_his_depth_is_the_person() {
+    let world = standing();
+    let whole = truth(&world, 0);
+    let cake = |by: f64| Detection {
+        class: ClassId(55),
+        score: 0.6,
+        bounds: BoundingBox {
+            x0: whole.x0 + by,
+            y0: whole.y0 + 0.5 * whole.height(),
+            x1: whole.x1 + by,
+            y1: whole.y0 + 0.85 * whole.height(),
+        },
+    };
+    for (by, expected) in [(0.0, 1), (2.0 * whole.width(), 2)] {
+        let mut t = tracker(&world);
+        feed(&mut t, &world, 0, true);
+        for frame in 1..20 {
+            let objects = feed_items(&mut t, &world, frame, vec![person(whole), cake(by)]);
+            assert_eq!(objects.len(), expected, "frame {frame}: {objects:?}");
+        }
+    }
+}
+
 /// The box of a second person who shows at the side of the first, at the same depth, as high as he is and a quarter as wide.
 fn strip(whole: &BoundingBox) -> BoundingBox {
     BoundingBox {

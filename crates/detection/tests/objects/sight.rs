@@ -125,6 +125,39 @@ fn who_comes_in_is_one_though_the_wall_showed_first() {
     }
 }
 
+/// A surface that was taken for another is no motion: what is reported moves from frame to frame no faster than a run.
+#[test]
+fn a_position_that_jumps_is_not_reported() {
+    let world = World::new(vec![Walker::new(|_| Vec3::new(0.2, 0.2, 1.6))], |_| {
+        Se3::default()
+    });
+    let empty = World {
+        walkers: Vec::new(),
+        ..standing()
+    };
+    let whole = truth(&world, 0);
+    let mut t = tracker(&world);
+    let mut before: Option<Vec3> = None;
+    let (mut at_wall, mut at_person) = (0, 0);
+    for frame in 0..20 {
+        let seen = if frame < 5 { &empty } else { &world };
+        let now = frame as f64 / RATE;
+        let found = detections(frame, vec![person(whole)]);
+        t.update(&found, &world.pose(now), &seen.depth(now));
+        let objects = t.predict(now, &world.pose(now));
+        let sure = objects.iter().find(|o| o.state != ObjectState::Tentative);
+        let at = sure.and_then(|o| o.position);
+        if let (Some(was), Some(at)) = (before, at) {
+            let speed = (at - was).norm() * RATE;
+            assert!(speed < 3.0, "frame {frame}: {speed} m/s");
+        }
+        at_wall += usize::from(at.is_some_and(|p| p.z > 4.0));
+        at_person += usize::from(at.is_some_and(|p| p.z < 1.8));
+        before = at;
+    }
+    assert!(at_wall >= 2 && at_person >= 8, "{at_wall} {at_person}");
+}
+
 /// Nobody indoors is faster than a run: a box that leaps is a box that leaps.
 #[test]
 fn no_velocity_is_above_that_of_a_run() {

@@ -1,7 +1,7 @@
 //! The regions that move as an image: pixel by pixel, by the surface that each pixel shows.
 
 use super::outline::{STEP, Sample, Window, refine};
-use super::segments::joined;
+use super::things::things;
 use super::{Segments, cells};
 use stillpoint_imaging::{CoarseDepth, DepthImage, GrayImage, RgbdFrame};
 
@@ -11,47 +11,8 @@ const MOVING: u8 = 255;
 const MARGIN: usize = 5;
 /// What a pixel's own cell is preferred by to those around it, m.
 const OTHER: f32 = 0.01;
-/// Beyond a hole that is narrower, cells, is what the surface beside it is compared with: the shadow of somebody near is as wide.
-const HOLE: usize = 6;
-/// Share of a region's border beyond which the scene goes on farther away, at least: it is half of that of somebody who sits on something.
-const SET_APART: f64 = 0.5;
-/// Inverse depths of a plane change evenly to within this, 1/m, and this share of their change: four standard deviations of a Kinect's, and the middle of
-/// a cell that is not where its depth was measured.
-const EVEN: [f32; 2] = [0.006, 0.3];
 /// Weight of a pixel whose surface is not known, beside 1 of the others: a region is not filled up by holes.
 const UNKNOWN: f32 = 0.1;
-
-/// How the border of a region goes on beside it, in sides of cells.
-#[derive(Clone, Copy, Debug, Default)]
-struct Border {
-    /// On the same surface.
-    joined: usize,
-    /// On one farther away.
-    farther: usize,
-}
-
-impl Border {
-    /// Takes the depths of a cell of the region, of the one beside it that is not, and of the one on its other side, m.
-    fn add(&mut self, here: f32, there: f32, before: f32) {
-        if joined(here, there) || is_plane([before, here, there]) {
-            self.joined += 1;
-        } else if here > 0.0 && there > here {
-            self.farther += 1;
-        }
-    }
-
-    fn sets_apart(self) -> bool {
-        self.farther as f64 >= SET_APART * (self.farther + self.joined) as f64 && self.farther > 0
-    }
-}
-
-/// Whether the depths of three cells in a row, m, are those of a plane, however oblique: their inverses change evenly then.
-fn is_plane(depths: [f32; 3]) -> bool {
-    let [before, here, there] = depths.map(f32::recip);
-    let slope = (here - before).abs();
-    depths.iter().all(|z| *z > 0.0)
-        && (here - before - (there - here)).abs() < EVEN[0] + EVEN[1] * slope
-}
 
 impl Segments {
     /// An image of the frame's size: 255 where the scene moves, 0 where it stands still or nothing is known. The frame is that which
@@ -73,7 +34,7 @@ impl Segments {
         if (self.width, self.labels.len()) != (grid.width(), grid.data().len()) {
             return mask;
         }
-        let things = self.things(&grid);
+        let things = things(self, &grid);
         let Some(window) = self.window(&things, depth) else {
             return mask;
         };
@@ -88,41 +49,6 @@ impl Segments {
             }
         }
         mask
-    }
-
-    /// Which cells belong to a thing: to a region with an outline of its own, behind which the scene goes on farther away. A patch of a wall is joined to
-    /// the rest of it.
-    fn things(&self, grid: &CoarseDepth) -> Vec<bool> {
-        let regions = self.labels.iter().max().map_or(0, |l| usize::from(*l));
-        let mut borders = vec![Border::default(); regions + 1];
-        let depth = grid.data();
-        for here in (0..self.labels.len()).filter(|i| self.labels[*i] > 0) {
-            for way in [[1, 0], [-1, 0], [0, 1], [0, -1]] {
-                let hole = |cell: &usize| depth[*cell] <= 0.0;
-                let Some(there) = self.along(here, way).take(HOLE).find(|c| !hole(c)) else {
-                    continue;
-                };
-                if self.labels[there] == 0 {
-                    let before = self.along(here, way.map(|d| -d)).next();
-                    let before = before.map_or(0.0, |before| depth[before]);
-                    let border = &mut borders[usize::from(self.labels[here])];
-                    border.add(depth[here], depth[there], before);
-                }
-            }
-        }
-        let is_thing = |label: &u16| *label > 0 && borders[usize::from(*label)].sets_apart();
-        self.labels.iter().map(is_thing).collect()
-    }
-
-    /// The cells that follow one in a direction, to the border of the image.
-    fn along(&self, cell: usize, [dx, dy]: [isize; 2]) -> impl Iterator<Item = usize> {
-        let (width, height) = (self.width, self.height);
-        let next = move |(x, y): &(usize, usize)| {
-            let (x, y) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
-            (x < width && y < height).then_some((x, y))
-        };
-        std::iter::successors(next(&(cell % width, cell / width)), next)
-            .map(move |(x, y)| y * width + x)
     }
 
     /// The pixels around all cells of things; none where there are none.
@@ -162,22 +88,20 @@ impl Segments {
             .collect();
         for (j, y) in window.rows.clone().enumerate() {
             let samples = &mut samples[j / STEP * w..][..w];
+            let depths = &depth.data()[y * depth.width()..][window.columns.clone()];
             // Windows begin with a cell, and cells are whole samples.
-            for (sample, columns) in samples.iter_mut().zip(window.columns.clone().step_by(STEP)) {
-                let columns = columns..(columns + STEP).min(window.columns.end);
-                if self
-                    .home((columns.start, y))
-                    .is_some_and(|home| !near[home])
-                {
-                    let known = columns.map(|x| depth.at(x, y) > 0.0);
-                    sample.weight += known.map(|k| if k { 1.0 } else { UNKNOWN }).sum::<f32>();
+            for (i, (sample, depths)) in samples.iter_mut().zip(depths.chunks(STEP)).enumerate() {
+                let first = (window.columns.start + i * STEP, y);
+                let home = self.home(first);
+                if home.is_some_and(|home| !near[home]) {
+                    let known = depths.iter().map(|z| if *z > 0.0 { 1.0 } else { UNKNOWN });
+                    sample.weight += known.sum::<f32>();
                     continue;
                 }
-                for x in columns {
-                    let z = depth.at(x, y);
-                    let surface = self.surface_of((x, y), z, grid);
+                for z in depths {
+                    let surface = self.surface_of(first, home, *z, grid);
                     let weight = if surface.is_some() { 1.0 } else { UNKNOWN };
-                    let cell = surface.or(self.home((x, y)).filter(|_| z <= 0.0));
+                    let cell = surface.or(home.filter(|_| *z <= 0.0));
                     sample.weight += weight;
                     sample.inside += cell.filter(|c| things[*c]).map_or(0.0, |_| weight);
                 }
@@ -199,9 +123,16 @@ impl Segments {
         range(j, self.height).flat_map(move |j| columns.clone().map(move |i| j * width + i))
     }
 
-    /// The cell whose surface a pixel of depth `z` shows; none without depth, and where it is none of those around it.
-    fn surface_of(&self, pixel: (usize, usize), z: f32, grid: &CoarseDepth) -> Option<usize> {
-        let (home, depths) = (self.home(pixel), grid.data());
+    /// The cell whose surface a pixel of depth `z` shows, given the cell that it lies in and a pixel of that; none without depth, and where it is none of those
+    /// around it.
+    fn surface_of(
+        &self,
+        pixel: (usize, usize),
+        home: Option<usize>,
+        z: f32,
+        grid: &CoarseDepth,
+    ) -> Option<usize> {
+        let depths = grid.data();
         let gap = |cell: usize| (depths[cell] - z).abs();
         if z <= 0.0 {
             return None;
@@ -261,6 +192,7 @@ mod tests {
             width: CELLS[0],
             height: CELLS[1],
             labels: (0..CELLS[0] * CELLS[1]).map(label).collect(),
+            seen: [].into(),
         }
     }
 
@@ -271,7 +203,7 @@ mod tests {
 
     #[test]
     fn the_outline_is_that_of_the_surface_though_its_depth_is_torn() {
-        let torn = |x: usize, y: usize| (x * 31 + y * 17) % 5 == 0;
+        let torn = |x: usize, y: usize| (x * 31 + y * 17).is_multiple_of(5);
         let depth = |x: usize, y: usize| match person(x, y) {
             true => 1.5,
             // The shadow beside who is nearer to the camera than what is behind.
@@ -303,6 +235,13 @@ mod tests {
         assert_eq!(masked(segments(person), behind), 0);
         let before = |x, y| if person(x, y) { 1.5 } else { 3.0 };
         assert!(masked(segments(person), before) > 3000);
+        // What is too far to be measured sets apart as well.
+        let alone = |x: usize, y: usize| match person(x, y) {
+            true => 1.4 + (x as f32 - 81.0) * (x as f32 - 81.0) / 3600.0,
+            false => 0.0,
+        };
+        let found = masked(segments(person), alone);
+        assert!(found > 2500, "{found}");
     }
 
     #[test]

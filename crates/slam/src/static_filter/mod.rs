@@ -23,6 +23,7 @@ mod sides;
 mod standing;
 mod surfaces;
 mod surroundings;
+mod things;
 mod verdict;
 mod visibility;
 
@@ -80,6 +81,8 @@ pub struct Segments {
     pub height: usize,
     /// Number of the region of each cell, row by row, from 1; 0 for what stands still. Empty where the filter knows no regions.
     pub labels: Arc<[u16]>,
+    /// By the number of a region: whether a detector sees in it what moves by itself. Empty where it sees nobody.
+    pub seen: Arc<[bool]>,
 }
 
 /// What the filter says of a frame.
@@ -288,7 +291,26 @@ impl StaticFilter {
             width: self.rules.cells.width,
             height: self.rules.cells.height,
             labels: self.surfaces.regions.as_slice().into(),
+            seen: self.seen().into(),
         }
+    }
+
+    /// Of each region, by its number, whether most of it is what an object holds that may move.
+    fn seen(&self) -> Vec<bool> {
+        let movers = || self.movers.iter().filter(|m| m.strength > 0.0);
+        if movers().next().is_none() {
+            return Vec::new();
+        }
+        let (regions, cells) = (&self.surfaces.regions, &self.rules.cells);
+        let middle = |i: usize| ((i as f64) + 0.5) * cells::CELL_PX as f64 - 0.5;
+        let last = regions.iter().max().map_or(0, |r| usize::from(*r));
+        let mut balance = vec![0_i32; last + 1];
+        for (i, region) in regions.iter().enumerate().filter(|(_, r)| **r > 0) {
+            let [u, v] = [i % cells.width, i / cells.width].map(middle);
+            let held = movers().any(|m| m.holds(u, v, self.surfaces.depth[i]));
+            balance[usize::from(*region)] += if held { 1 } else { -1 };
+        }
+        balance.into_iter().map(|b| b > 0).collect()
     }
 
     /// Preset `default`: each feature moves with the surface that it lies on.

@@ -109,10 +109,16 @@ fn smoothed(answer: &[f32], width: usize, clear: &[Option<f32>], samples: usize)
                 inside.fill(*side > 0.0);
                 continue;
             }
+            // Columns are summed once for all pixels of the sample.
+            let first = (i * STEP).saturating_sub(SMOOTH);
+            let mut sums = [0.0; STEP + 2 * SMOOTH];
+            for row in range(y, height).map(|y| &answer[y * width..][first..width]) {
+                sums.iter_mut().zip(row).for_each(|(sum, a)| *sum += a);
+            }
             for (x, inside) in (i * STEP..).zip(inside) {
                 let columns = range(x, width);
-                let rows = range(y, height).map(|y| &answer[y * width..][columns.clone()]);
-                *inside = rows.flatten().sum::<f32>() > 0.0;
+                let near = &sums[columns.start - first..columns.end - first];
+                *inside = near.iter().sum::<f32>() > 0.0;
             }
         }
     }

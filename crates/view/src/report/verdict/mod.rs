@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use stillpoint_slam::{FrameState, LostReason};
 
-/// An error of the final poses from which a result is off, m ...
+/// An error of the final poses from which a result is off, m; it is off only where [`OFF_SHARE`] is exceeded too.
 const OFF: f64 = 0.05;
-/// ... where it is this share of the way, too: good odometry drifts by about 1 % (KITTI's table, Geiger et al. 2012).
+/// An error as a share of the camera's way from which a result is off: good odometry drifts by about 1 % (KITTI's table, Geiger et al. 2012).
 const OFF_SHARE: f64 = 0.01;
 /// Share of the frames without a pose, not read or dropped from which a result is not of the whole recording.
 const MUCH: f64 = 0.1;
