@@ -17,8 +17,7 @@ pub(super) struct DepthMode {
 
 /// Part of the width and height of a box, as shares, in which the object surely is: the background shows at the sides (section 14 of docs/algorithm.md).
 const CENTRAL: [f64; 2] = [0.5, 0.7];
-/// A surface is what lies within this depth, m: a body with its arms. Measured: with 0.5 simulated people are
-/// exchanged less (IDF1 0.94 instead of 0.92), and real people have a fifth more ghosts.
+/// A surface is what lies within this depth, m: a body with its arms. Measured: with 0.5 real people have a fifth more ghosts, and simulated people are exchanged as often.
 const THICKNESS: f64 = 0.4;
 /// Rows and columns of cells that are looked at in a box, less than twice as many: shares of a thousand cells have a standard deviation of 2 %.
 pub(super) const MOST_CELLS: usize = 32;

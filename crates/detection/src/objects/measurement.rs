@@ -36,7 +36,7 @@ pub(super) struct Plumb {
 const BORDER: f64 = 0.01;
 /// Standard deviation of the middle of a person's surface as a share of the box's width: the trunk sways less than arms and legs swing. Measured: 0.05 is no different.
 const MIDDLE_SIGMA: f64 = 0.04;
-/// Least standard deviation of a side, px: boxes are given in whole pixels of an image that was scaled down by 1.5.
+/// Least standard deviation of a side, px: a pixel of the 416 that a small network sees is 1.5 of 640.
 const LEAST_SIGMA: f64 = 1.5;
 
 impl Measurement {

@@ -16,7 +16,7 @@ use stillpoint_imaging::CoarseDepth;
 
 /// Share of a box that a person mostly shows of himself, however many stand before him. Measured: 0.05 is alike.
 const SHOWN: f64 = 0.1;
-/// Part of a box from above in which a person's middle is measured, a share: legs swing, and are the lower 40 % of what a camera at eye level sees.
+/// Part of a box from above in which a person's middle is measured, a share: legs swing (section 14 of docs/algorithm.md).
 const TRUNK: f64 = 0.6;
 
 /// A confirmed object before an update.

@@ -42,7 +42,7 @@ const REST_SPEED: f64 = 0.1;
 const DECAY: f64 = 0.5;
 /// What the logarithm of a size changes by in a second, standard deviation: arms that stretch, a person who sits down. Measured: 0.4 has more ghosts of simulated people.
 const RESHAPE: f64 = 0.3;
-/// Linearisations per update, a number (Bar-Shalom, Li, Kirubarajan 2001, section 10.5.2: two or three are enough).
+/// Linearisations per update, a number (iterated filter: Bar-Shalom, Li, Kirubarajan 2001, section 10.5.2).
 const ROUNDS: usize = 3;
 /// Logarithms of 2 cm and 20 m: no thing that a detector finds is smaller or larger.
 const LOG_SIZES: [f64; 2] = [-3.9, 3.0];
