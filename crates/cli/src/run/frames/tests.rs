@@ -74,7 +74,7 @@ fn losses_have_a_reason_a_length_and_an_end() {
 #[test]
 fn words_are_those_of_the_reports() {
     let carried = Outcome::Carried { since: FrameId(8) };
-    let mut reports = vec![
+    let mut reports = [
         report(0, Outcome::Initialised, Some(0), 200),
         report(1, Outcome::Tracked, Some(0), 150),
         // Much moves, and little holds the pose.
