@@ -291,15 +291,15 @@ impl StaticFilter {
             width: self.rules.cells.width,
             height: self.rules.cells.height,
             labels: self.surfaces.regions.as_slice().into(),
-            seen: self.seen().into(),
+            seen: self.seen(),
         }
     }
 
-    /// Of each region, by its number, whether most of it is what an object holds that may move.
-    fn seen(&self) -> Vec<bool> {
+    /// Of each region, by its number, whether most of it is what an object holds that may move. Nothing is allocated where none may.
+    fn seen(&self) -> Arc<[bool]> {
         let movers = || self.movers.iter().filter(|m| m.strength > 0.0);
         if movers().next().is_none() {
-            return Vec::new();
+            return Arc::default();
         }
         let (regions, cells) = (&self.surfaces.regions, &self.rules.cells);
         let middle = |i: usize| ((i as f64) + 0.5) * cells::CELL_PX as f64 - 0.5;
