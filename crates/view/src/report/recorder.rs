@@ -188,13 +188,15 @@ fn said(reasons: Reasons) -> Said {
     .map_or(Said::History, |(_, said)| said)
 }
 
-/// Objects that are more than a guess.
+/// Objects that are more than a guess. Those that are hidden have no place: none was measured.
 pub(crate) fn objects_of(report: &FrameReport) -> impl Iterator<Item = SeenObject> {
     let sure = |o: &&Object| o.state != ObjectState::Tentative;
     let seen = move |object: &Object| {
         let b = &object.bounds;
+        let hidden = object.state == ObjectState::Hidden;
         let in_camera = report
             .world_from_camera
+            .filter(|_| !hidden)
             .and_then(|pose| object.seen_from(&pose));
         SeenObject {
             id: object.id.0,

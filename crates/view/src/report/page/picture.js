@@ -13,6 +13,8 @@ class FramePicture {
   constructor(canvas) {
     this.canvas = canvas;
     byId("said").replaceChildren("Features:", ...SAID.flatMap((name, kind) => [element("i", { className: "key", style: `background:${saidColour(kind)}` }), name]));
+    // Its place is settled by what is around it, which may come later.
+    new ResizeObserver(() => this.wanted && this.at(...this.wanted)).observe(canvas.parentElement);
     canvas.addEventListener("click", (e) => this.chooseAt(e.offsetX / canvas.clientWidth, e.offsetY / canvas.clientHeight));
   }
 
