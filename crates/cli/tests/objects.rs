@@ -80,7 +80,7 @@ fn tracked_people_are_scored_against_the_boxes() {
     // Control: a tracker that gives all a new number half-way has the same boxes, and other identities.
     let worse = dir.path().join("forgetful.csv");
     let table = std::fs::read_to_string(&tracks).unwrap();
-    // What was seen once may be a false alarm, and is in no row.
+    // An object that was seen once may be a false alarm: it has no row.
     assert!(table.contains(",confirmed,") && !table.contains(",tentative,"));
     std::fs::write(&worse, forgetful(&table, 1.8)).unwrap();
     let worse = score(&worse, &boxes, &[]);

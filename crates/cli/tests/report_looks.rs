@@ -7,11 +7,11 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 use stillpoint::view::report::Column;
 
-/// A picture of a page is kept at this share of its size ...
+/// A picture of a page is kept at one part in so many of its width and height.
 const KEPT: u32 = 4;
-/// ... and compared in blocks of so many kept pixels, which another version of the browser draws alike ...
+/// Pictures are compared by the means of blocks of so many kept pixels a side: another version of the browser draws those alike.
 const BLOCK: u32 = 6;
-/// ... but for so many grey levels: words that moved by a pixel make less, a part that is missing or elsewhere more.
+/// Blocks are alike within so many grey levels of 255. Measured: words that moved by a pixel change fewer, a part that is missing changes more.
 const ALIKE: f64 = 24.0;
 /// Share of the blocks that may differ: another font draws words otherwise.
 const OTHER: f64 = 0.02;

@@ -21,7 +21,8 @@ pub enum FrameState {
 }
 
 impl FrameState {
-    /// Fewer landmarks may agree on a pose by chance: such poses are not written, and their frames count as lost.
+    /// Fewer landmarks may agree on a pose by chance, a number: such poses are not written, and their frames count as lost. ORB-SLAM2 (Mur-Artal and Tardos,
+    /// T-RO 2017) asks for as many in its local map.
     pub const MIN_INLIERS: u32 = 30;
 
     /// All states, by their numbers.

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::read_regular_text;
 
-/// Bytes of a list at most, 1 GiB: ten times what a million paths of 100 bytes have.
+/// Largest list, bytes: ten million paths of 100 bytes.
 const LARGEST_LIST: u64 = 1 << 30;
 
 /// Names in the folder of a batch that no result can have, in lower case.

@@ -28,7 +28,7 @@ const LONGEST: f64 = 400.0;
 /// Which objects are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Labels {
-    /// Every object: guesses, and what stands still, too.
+    /// Every object, also guesses and objects that stand still.
     All,
     /// Confirmed objects of classes that move by themselves, and whatever else is seen moving.
     #[default]

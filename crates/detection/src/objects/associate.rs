@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use stillpoint_geometry::assign;
 use stillpoint_imaging::CoarseDepth;
 
-/// Integer units per unit of benefit: sums of whole numbers below 2^53 are exact, and what is equal stays so.
+/// Whole units per unit of benefit: sums of whole numbers below 2^53 are exact, so equal sums stay equal.
 const UNITS: f64 = 1e6;
 /// Tracks or detections that the method is used on at once. Things that hide each other in chains so long are boxes without meaning, as of a
 /// detector with a wrong threshold; there each takes what fits it best.

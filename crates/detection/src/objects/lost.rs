@@ -10,11 +10,11 @@ use super::track::{Body, Track};
 use crate::ClassId;
 use stillpoint_geometry::Vec3;
 
-/// How long an object that is out of sight is remembered, s: the time for which somebody is hidden behind another or turns round outside the view (section 14 of docs/algorithm.md).
+/// An object that is out of sight is remembered for so long, s: people hide behind others and turn round outside the view for about that time (section 14 of docs/algorithm.md).
 const REMEMBERED: f64 = 5.0;
 /// Distance within which an object is the same one at once, m: a step (0.7 m, 1.4 m/s at two a second), and the error of both positions while others hide a part. Measured: 0.9 is no different.
 pub(super) const NEAR: f64 = 0.8;
-/// What a second out of sight counts for, m. Measured: without it MOTA of simulated people is 0.005 less.
+/// Distance that each second out of sight counts for when objects are compared, m. Measured: without it MOTA of simulated people is 0.005 less.
 const AGE: f64 = 0.2;
 
 /// An object that is out of sight.

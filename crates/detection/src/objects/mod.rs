@@ -16,6 +16,7 @@ mod kind;
 mod lost;
 mod measurement;
 mod occlusion;
+mod place;
 mod planar;
 mod profile;
 mod rigidity;

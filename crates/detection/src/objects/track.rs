@@ -6,11 +6,11 @@ use super::expected::Expected;
 use super::fit::CHI2_99;
 use super::kalman::{Gaussian, Row};
 use super::kind::liveliness;
-use super::lost::NEAR;
 use super::measurement::Measurement;
+use super::place::Place;
 use super::planar::Planar;
 use super::rigidity::Rigidity;
-use super::spatial::{FASTEST, Spatial};
+use super::spatial::Spatial;
 use super::view::View;
 use super::votes::Votes;
 use super::{Motion, Object, ObjectId, ObjectState};
@@ -67,14 +67,8 @@ pub(super) struct Track {
     pub(super) rigidity: Rigidity,
     /// Whether the depth image showed it in its place when it was not detected last.
     pub(super) shows: bool,
-    /// The position that was reported at the last update, m, and its stamp, s.
-    placed: Option<(Vec3, f64)>,
-    /// How far the state's position was beyond it, m.
-    lag: Vec3,
-    /// Whether the last update moved it no farther than a step.
-    steady: bool,
-    /// Whether it has just gone on as an object that was out of sight.
-    returned: bool,
+    /// The position that is reported.
+    place: Place,
 }
 
 impl Track {
@@ -103,10 +97,7 @@ impl Track {
             duplicate: 0,
             rigidity: Rigidity::default(),
             shows: false,
-            placed: None,
-            lag: Vec3::zeros(),
-            steady: true,
-            returned: false,
+            place: Place::default(),
         }
     }
 
@@ -123,26 +114,9 @@ impl Track {
         }
     }
 
-    /// Ends an update: the position that is reported follows that of the state no faster than anything moves. One that is farther off than a step is that of another
-    /// surface, or of another track: the object is not reported in this update.
-    pub(super) fn place(&mut self, stamp: f64) {
-        let returned = std::mem::take(&mut self.returned);
-        self.steady = !returned;
-        self.lag = Vec3::zeros();
-        let Some(at) = self.position() else {
-            self.placed = None;
-            return;
-        };
-        if let Some((was, when)) = self.placed.filter(|_| !returned) {
-            let (way, most) = (at - was, FASTEST * (stamp - when));
-            let excess = way.norm() - most;
-            if excess > NEAR {
-                self.steady = false;
-            } else if excess > 0.0 {
-                self.lag = way * (excess / way.norm());
-            }
-        }
-        self.placed = Some((at - self.lag, stamp));
+    /// Ends an update: the reported position follows that of the state.
+    pub(super) fn end_update(&mut self, stamp: f64) {
+        self.place.follow(self.position(), stamp);
     }
 
     /// Whether it is sure enough to be called an object: false alarms come twice now and then, and with low scores.
@@ -274,7 +248,7 @@ impl Track {
     pub(super) fn return_as(&mut self, id: ObjectId, sure: bool) {
         self.id = id;
         self.known = true;
-        self.returned = true;
+        self.place.begin_anew();
         self.hits = self.hits.max(LOOKS);
         self.votes.are_enough(sure);
     }
@@ -341,12 +315,11 @@ impl Track {
 
     /// The object as the tracker's users see it.
     pub(super) fn object(&self, view: &View) -> Object {
-        let sure =
-            self.reported() && self.steady && (self.votes.sure() || liveliness(self.class) < 1.0);
-        let unseen = !self.shows
-            && self
-                .placed
-                .is_some_and(|(_, now)| now - self.last_seen > STEP);
+        let sure = self.reported()
+            && self.place.is_steady()
+            && (self.votes.sure() || liveliness(self.class) < 1.0);
+        let placed = self.place.stamp();
+        let unseen = !self.shows && placed.is_some_and(|now| now - self.last_seen > STEP);
         let state = match (sure, self.misses) {
             (false, _) => ObjectState::Tentative,
             (true, 0) => ObjectState::Confirmed,
@@ -371,9 +344,10 @@ impl Track {
         if let Body::Spatial(s) = &self.body {
             let middle = self.trunk.as_ref().unwrap_or(s);
             let mut covariance = middle.covariance();
-            let mut place = covariance.fixed_view_mut::<3, 3>(0, 0);
-            place += self.lag * self.lag.transpose();
-            object.position = Some(middle.position() - self.lag);
+            let lag = self.place.lag();
+            let mut of_position = covariance.fixed_view_mut::<3, 3>(0, 0);
+            of_position += lag * lag.transpose();
+            object.position = Some(middle.position() - lag);
             object.velocity = Some(middle.velocity());
             object.covariance = Some(covariance);
             object.size = Some(s.size());

@@ -137,7 +137,7 @@ impl ObjectTracker {
         });
         self.memory.recognise(&mut self.tracks);
         for track in &mut self.tracks {
-            track.place(stamp);
+            track.end_update(stamp);
         }
     }
 

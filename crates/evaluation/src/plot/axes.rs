@@ -6,7 +6,7 @@ use super::colour::{FRAME, GRID};
 /// Size of tick labels and axis labels, px.
 pub(super) const SMALL: f64 = 12.0;
 pub(super) const LABEL: f64 = 13.0;
-/// Length of a tick, px.
+/// Length of a tick, px, chosen: a third of a label's height.
 const TICK: f64 = 4.0;
 
 /// A rectangle of the figure that shows a range of data.

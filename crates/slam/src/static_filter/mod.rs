@@ -14,6 +14,7 @@ mod history;
 mod mask;
 mod memory;
 mod mirrored;
+mod moving;
 mod outline;
 mod paper;
 mod rigid;
@@ -31,6 +32,7 @@ pub use config::{FilterParts, FilterSetup, Preset, StaticFilterConfig};
 pub(crate) use flow_pair::FlowPair;
 pub(crate) use history::CapturePose;
 pub(crate) use memory::Memory;
+pub use moving::Segments;
 pub use semantic::MOVER;
 pub use verdict::{FeatureVerdict, Reasons};
 
@@ -68,21 +70,6 @@ pub(crate) struct FrameInput<'a> {
     /// Whether little else than corners without depth tells how the camera moves: then these are all kept, whatever they do. Whoever rides on somebody who
     /// fills the view sees by them that he does.
     pub(crate) few: bool,
-}
-
-/// The depth-connected regions of a frame that move, by square cells of the raw image.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Segments {
-    /// Side of a cell, px: cell (i, j) covers the pixels from `(i * cell_px, j * cell_px)`.
-    pub cell_px: usize,
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// Number of the region of each cell, row by row, from 1; 0 for what stands still. Empty where the filter knows no regions.
-    pub labels: Arc<[u16]>,
-    /// By the number of a region: whether a detector sees in it what moves by itself. Empty where it sees nobody.
-    pub seen: Arc<[bool]>,
 }
 
 /// What the filter says of a frame.
@@ -280,37 +267,6 @@ impl StaticFilter {
             movers.iter_mut().for_each(|m| m.range = None);
         }
         movers
-    }
-
-    fn segments(&self) -> Segments {
-        if self.rules.config.preset != Preset::Default {
-            return Segments::default();
-        }
-        Segments {
-            cell_px: cells::CELL_PX,
-            width: self.rules.cells.width,
-            height: self.rules.cells.height,
-            labels: self.surfaces.regions.as_slice().into(),
-            seen: self.seen(),
-        }
-    }
-
-    /// Of each region, by its number, whether most of it is what an object holds that may move. Nothing is allocated where none may.
-    fn seen(&self) -> Arc<[bool]> {
-        let movers = || self.movers.iter().filter(|m| m.strength > 0.0);
-        if movers().next().is_none() {
-            return Arc::default();
-        }
-        let (regions, cells) = (&self.surfaces.regions, &self.rules.cells);
-        let middle = |i: usize| ((i as f64) + 0.5) * cells::CELL_PX as f64 - 0.5;
-        let last = regions.iter().max().map_or(0, |r| usize::from(*r));
-        let mut balance = vec![0_i32; last + 1];
-        for (i, region) in regions.iter().enumerate().filter(|(_, r)| **r > 0) {
-            let [u, v] = [i % cells.width, i / cells.width].map(middle);
-            let held = movers().any(|m| m.holds(u, v, self.surfaces.depth[i]));
-            balance[usize::from(*region)] += if held { 1 } else { -1 };
-        }
-        balance.into_iter().map(|b| b > 0).collect()
     }
 
     /// Preset `default`: each feature moves with the surface that it lies on.

@@ -17,11 +17,11 @@ const BAND: f32 = 4.0;
 const DOUBT: [f32; 2] = [30.0, 6.0];
 /// The middle of a thing is so far from its border, samples, at least; what has none is torn or a few pixels wide.
 const NARROW: f32 = 2.0;
-/// Where there is no depth, ways that cost more lead nowhere, samples: a hole that is wider than a shadow belongs to nobody.
+/// Where there is no depth, ways that cost more lead nowhere, samples, chosen: a hole that is wider than a shadow belongs to nobody.
 const FAR: f32 = 40.0;
-/// Scans there and back: ways that turn more often are rare.
+/// Scans there and back, chosen: ways that turn more often are rare.
 const SCANS: usize = 2;
-/// Weight of a sample without depth, beside 1 of the others.
+/// Weight of a sample without depth, beside 1 of the others, chosen.
 const GUESS: f32 = 0.3;
 /// Length of a way over a corner.
 const DIAGONAL: f32 = std::f32::consts::SQRT_2;

@@ -9,9 +9,9 @@ use stillpoint_slam::{FrameState, LostReason};
 const OFF: f64 = 0.05;
 /// An error as a share of the camera's way from which a result is off: good odometry drifts by about 1 % (KITTI's table, Geiger et al. 2012).
 const OFF_SHARE: f64 = 0.01;
-/// Share of the frames without a pose, not read or dropped from which a result is not of the whole recording.
+/// Share of the frames without a pose, not read or dropped, from which a result is not of the whole recording; chosen.
 const MUCH: f64 = 0.1;
-/// Share of the pictures that must show as many people at once: more in a single one may be a slip of the detector.
+/// Share of the pictures that must show as many people at once, chosen: more in a single one may be a slip of the detector.
 const SHOWN: f64 = 0.05;
 
 /// How much there is to worry about.

@@ -1,0 +1,122 @@
+//! The position of an object that is reported. It follows that of the filter's state, and moves no faster than anything indoors.
+
+use super::lost::NEAR;
+use super::spatial::FASTEST;
+use stillpoint_geometry::Vec3;
+
+/// Where an object is reported to be.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Place {
+    /// The position at the last update, m, and its stamp, s; none while no depth of the object was seen.
+    last: Option<(Vec3, f64)>,
+    /// How far the state's position is beyond it, m.
+    lag: Vec3,
+    /// Whether the last update moved it no farther than a step.
+    steady: bool,
+    /// Whether the next position is taken as it is, wherever the last one was.
+    anew: bool,
+}
+
+impl Default for Place {
+    fn default() -> Self {
+        Self {
+            last: None,
+            lag: Vec3::zeros(),
+            steady: true,
+            anew: false,
+        }
+    }
+}
+
+impl Place {
+    /// Follows the state's position `at` to the time `stamp`. One that is farther off than a step is that of another surface, or of another track: the object is
+    /// not steady in this update.
+    pub(super) fn follow(&mut self, at: Option<Vec3>, stamp: f64) {
+        let anew = std::mem::take(&mut self.anew);
+        self.steady = !anew;
+        self.lag = Vec3::zeros();
+        let Some(at) = at else {
+            self.last = None;
+            return;
+        };
+        if let Some((was, when)) = self.last.filter(|_| !anew) {
+            let (way, most) = (at - was, FASTEST * (stamp - when));
+            let excess = way.norm() - most;
+            if excess > NEAR {
+                self.steady = false;
+            } else if excess > 0.0 {
+                self.lag = way * (excess / way.norm());
+            }
+        }
+        self.last = Some((at - self.lag, stamp));
+    }
+
+    /// The object goes on as one that was out of sight, whose way to here nobody saw.
+    pub(super) fn begin_anew(&mut self) {
+        self.anew = true;
+    }
+
+    pub(super) fn is_steady(&self) -> bool {
+        self.steady
+    }
+
+    /// See [`Self::follow`], m.
+    pub(super) fn lag(&self) -> Vec3 {
+        self.lag
+    }
+
+    /// Stamp of the last update with a position, s.
+    pub(super) fn stamp(&self) -> Option<f64> {
+        self.last.map(|(_, stamp)| stamp)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME: f64 = 1.0 / 30.0;
+
+    /// Where it is reported, frame by frame, and whether it is steady, as the state's position along x changes.
+    fn reported(states: &[f64], place: &mut Place) -> Vec<(f64, bool)> {
+        let follow = |(n, x): (usize, &f64)| {
+            place.follow(Some(Vec3::new(*x, 0.0, 0.0)), n as f64 * FRAME);
+            (x - place.lag().x, place.is_steady())
+        };
+        states.iter().enumerate().map(follow).collect()
+    }
+
+    #[test]
+    fn what_walks_is_where_its_state_is() {
+        let states: Vec<f64> = (0..30).map(|n| 1.4 * f64::from(n) * FRAME).collect();
+        let found = reported(&states, &mut Place::default());
+        for (state, (x, steady)) in states.iter().zip(found) {
+            assert!((x - state).abs() < 1e-12 && steady, "{state} {x}");
+        }
+    }
+
+    #[test]
+    fn a_slip_is_followed_no_faster_than_anybody_runs() {
+        let states: Vec<f64> = (0..30).map(|n| if n < 5 { 0.0 } else { 0.6 }).collect();
+        let found = reported(&states, &mut Place::default());
+        for pair in found.windows(2) {
+            assert!((pair[1].0 - pair[0].0).abs() <= FASTEST * FRAME + 1e-12);
+            assert!(pair[1].1, "less than a step");
+        }
+        assert!((found[29].0 - 0.6).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn what_is_more_than_a_step_elsewhere_is_not_steady_for_one_update() {
+        let mut place = Place::default();
+        let found = reported(&[0.0, 0.0, 2.0, 2.0], &mut place);
+        let steady: Vec<bool> = found.iter().map(|(_, steady)| *steady).collect();
+        assert_eq!(steady, [true, true, false, true]);
+        // The control: what comes back after it was out of sight does not move there.
+        place.begin_anew();
+        place.follow(Some(Vec3::new(9.0, 0.0, 0.0)), 1.0);
+        assert!(!place.is_steady() && place.lag() == Vec3::zeros());
+        place.follow(None, 1.1);
+        assert_eq!(place.stamp(), None);
+    }
+}
