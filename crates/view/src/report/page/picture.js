@@ -13,8 +13,10 @@ class FramePicture {
   constructor(canvas) {
     this.canvas = canvas;
     byId("said").replaceChildren("Features:", ...SAID.flatMap((name, kind) => [element("i", { className: "key", style: `background:${saidColour(kind)}` }), name]));
-    // Its place is settled by what is around it, which may come later.
-    new ResizeObserver(() => this.wanted && this.at(...this.wanted)).observe(canvas.parentElement);
+    // Its place is settled by what is around it, which may come later. Drawn with the next image of the screen: a size that changes while sizes are told is an
+    // error of the page.
+    const redraw = () => this.wanted && this.at(...this.wanted);
+    new ResizeObserver(() => requestAnimationFrame(redraw)).observe(canvas.parentElement);
     canvas.addEventListener("click", (e) => this.chooseAt(e.offsetX / canvas.clientWidth, e.offsetY / canvas.clientHeight));
   }
 
