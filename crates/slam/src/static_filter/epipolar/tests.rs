@@ -99,7 +99,6 @@ impl Scene {
             depths: &self.depths,
             pairs: &self.pairs,
             last_from_now: self.last_from_now,
-            few: false,
         };
         let mover = Mover {
             id: ObjectId(0),
