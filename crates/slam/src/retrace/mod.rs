@@ -7,7 +7,6 @@
 //! keyframes are taken back. Stands above the tracker, whose trajectory it corrects; changes the map by a message alone.
 
 mod beginning;
-mod both_ways;
 mod way_back;
 
 use crate::mapping::MapperSetup;

@@ -1,7 +1,6 @@
 //! The way back over the first frames, and what follows from it.
 
 use super::beginning::{Beginning, Kept};
-use super::both_ways::{Step, fused, trust, weight};
 use crate::anchored_pose::AnchoredPose;
 use crate::mapping::{Mapper, MapperSetup};
 use crate::messages::MapperMsg;
@@ -142,20 +141,17 @@ impl WayBack {
             return None;
         }
         let world_from_point = view.world_from_keyframe(self.point.keyframe)?;
-        let poses = self.told_by_both(&there, &back, last)?;
-        let entries = poses.into_iter().filter_map(|(id, point_from_camera)| {
-            // Of the way back, as far as it goes: it is the one that is judged.
-            let (seen, before) = (back.get(&id).or(there.get(&id))?, there.get(&id));
-            let online = before.map(|seen| seen.online_world_from_camera);
+        let entries = back.range(..=last).filter_map(|(id, seen)| {
+            let online = there.get(id).map(|seen| seen.online_world_from_camera);
             Some(TrajectoryEntry {
-                frame: id,
-                stamp: *self.stamps.get(&id)?,
+                frame: *id,
+                stamp: *self.stamps.get(id)?,
                 pose: AnchoredPose {
                     keyframe: None,
                     reference: self.point.keyframe,
-                    reference_from_camera: point_from_camera,
+                    reference_from_camera: seen.point_from_camera,
                     online_world_from_camera: online
-                        .unwrap_or(world_from_point * point_from_camera),
+                        .unwrap_or(world_from_point * seen.point_from_camera),
                 },
                 inliers: seen.inliers,
                 carried: seen.carried,
@@ -166,43 +162,6 @@ impl WayBack {
             first: tracker.keyframe_id(first),
             last: tracker.keyframe_id(last),
         })
-    }
-
-    /// Where the frames up to `last` are by what both ways tell of the motion between them; by the way back alone where sensors carried it. It ends where the next frame is on the way there.
-    fn told_by_both(&self, there: &Way, back: &Way, last: FrameId) -> Option<Vec<(FrameId, Se3)>> {
-        let tracked_again = back.range(..=last);
-        if tracked_again.clone().any(|(_, seen)| seen.carried) {
-            // Sensors beside the camera are led by nobody.
-            let poses = tracked_again.map(|(id, seen)| (*id, seen.point_from_camera));
-            return Some(poses.collect());
-        }
-        let after = there.range(last..).find(|(id, _)| **id > last);
-        let end = match after {
-            Some((id, seen)) => (*self.stamps.get(id)?, seen.point_from_camera, *id),
-            None => (self.point.stamp, Se3::identity(), self.point.frame),
-        };
-        let on = |way: &Way, id: &FrameId| {
-            let seen = way.get(id)?;
-            Some((seen.point_from_camera, weight(seen.inliers)))
-        };
-        let frames = self.stamps.range(..=last);
-        let frames = frames.filter(|(id, _)| there.contains_key(id) || back.contains_key(id));
-        let frames: Vec<(FrameId, f64)> = frames.map(|(id, stamp)| (*id, *stamp)).collect();
-        let mut steps: Vec<Step> = Vec::with_capacity(frames.len() + 1);
-        steps.extend(frames.iter().map(|(id, stamp)| Step {
-            stamp: *stamp,
-            ways: [on(there, id), on(back, id)],
-        }));
-        let at_point = (after.is_none()).then_some((Se3::identity(), 1.0));
-        steps.push(Step {
-            stamp: end.0,
-            ways: [
-                on(there, &end.2).or(at_point),
-                on(back, &end.2).or(at_point),
-            ],
-        });
-        let poses = fused(&steps, &end.1, trust(self.jerks(there) / self.jerks(back)));
-        Some(frames.into_iter().map(|f| f.0).zip(poses).collect())
     }
 
     /// Where the frames from `first` on were, as the tracker says.
