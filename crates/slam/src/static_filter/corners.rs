@@ -8,9 +8,6 @@ use super::{FeatureVerdict, Preset, Reasons, StaticFilter};
 use stillpoint_detection::Object;
 use stillpoint_imaging::{DepthImage, RgbdFrame};
 
-/// How much of its say in the camera's motion is left to what a detector sees somebody in.
-const SAY_OF_SEEN: f64 = 0.1;
-
 impl StaticFilter {
     /// A feature moves with the surface that it lies on, or where its depth is not known, that was there shortly before.
     pub(super) fn judge_feature(
@@ -71,19 +68,10 @@ impl StaticFilter {
         pixels.iter().map(judge).collect()
     }
 
-    /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.
-    fn static_probability(&self, [u, v]: [f32; 2]) -> f64 {
+    /// How much say what the last frame shows at a raw pixel has in how the camera moved: as much as it is likely to stand still, 0 to 1.
+    pub(crate) fn say(&self, [u, v]: [f32; 2]) -> f64 {
         let odds = self.surfaces.odds[self.rules.cells.at(u, v)];
         1.0 / (1.0 + libm::exp(f64::from(odds)))
-    }
-
-    /// How much say what the last frame shows at a raw pixel, `z` m away, has in how the camera moved, 0 to 1: as much as it is likely to stand still, and hardly any
-    /// where a detector sees somebody who did not stand still for long.
-    pub(crate) fn say(&self, pixel: [f32; 2], z: f64) -> f64 {
-        let [u, v] = pixel.map(f64::from);
-        let mut movers = self.movers.iter();
-        let seen = movers.any(|m| m.strength > 0.0 && m.holds(u, v, z as f32));
-        self.static_probability(pixel) * if seen { SAY_OF_SEEN } else { 1.0 }
     }
 
     /// The depth (m; 0: none) at a raw pixel or next to it, and of the cells around it the one at that depth.

@@ -1,7 +1,7 @@
 //! The rigid test of single features: did the flow take them where a static scene would have?
 
-use super::cells::Cells;
 use super::FlowPair;
+use super::cells::Cells;
 use stillpoint_geometry::{Camera, Se3, Vec2};
 
 /// A feature farther from where a static scene would have it than this moves, px: flow errs by a third of a pixel, the

@@ -6,14 +6,12 @@
 
 use super::Tracker;
 use super::motion::CameraMotion;
-use crate::messages::{Exposure, NewKeyframe};
+use crate::messages::NewKeyframe;
 use std::sync::Arc;
 use stillpoint_imaging::FrameId;
 
 /// A mean velocity over longer is not that of its beginning, s.
 const LONGEST: f64 = 0.1;
-/// The mapper is told of a readout that moves what the keyframes measured by this, px.
-const LEARNED_PX: f64 = 2.0;
 
 impl Tracker {
     /// Measures the keyframe that waits again, now that the camera is known to have moved like this since.
@@ -35,23 +33,6 @@ impl Tracker {
         keyframe.data = Arc::new(data);
         keyframe.exposure = exposure;
         last.data = Arc::clone(&keyframe.data);
-        self.note_exposure(&exposure);
-    }
-
-    /// Notes with what a keyframe was measured.
-    pub(super) fn note_exposure(&mut self, exposure: &Exposure) {
-        self.since_keyframe.readout = exposure.readout;
-        if let Some(velocity) = &exposure.velocity {
-            let per_second = self.front_end.shutter_of(1.0).reach_px(velocity);
-            self.fastest_keyframe = self.fastest_keyframe.max(per_second);
-        }
-    }
-
-    /// Whether so much was learned about the shutter since the last keyframe that the mapper is to hear of it: with the next keyframe it measures the others
-    /// again.
-    pub(super) fn knows_shutter_better(&self) -> bool {
-        let learned = self.front_end.timing().readout - self.since_keyframe.readout;
-        learned.abs() * self.fastest_keyframe >= LEARNED_PX
     }
 
     /// The keyframe that waited for the frame `next`, whatever became of that.

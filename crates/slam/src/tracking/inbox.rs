@@ -1,7 +1,7 @@
 //! What the tracker receives between frames: detections, views of the map, how much to do, and that a clock was set back; and what
 //! it can be asked.
 
-use super::{Submap, Tracker};
+use super::Tracker;
 use crate::messages::MapperMsg;
 use crate::timing::Timing;
 use crate::trajectory::Trajectory;
@@ -38,7 +38,7 @@ impl Tracker {
         })
     }
 
-    /// Keypoints that the last image was asked for: as many as are wanted, and more where few of the image before held on to the map.
+    /// Keypoints that an image is asked for.
     #[must_use]
     pub fn features(&self) -> u32 {
         self.front_end.asked() as u32
@@ -56,10 +56,10 @@ impl Tracker {
         self.map.view = view;
         let reference = self.state.last().map(|l| l.pose.reference);
         let submap = reference.and_then(|r| self.map.view.submap_of(r));
-        if let Some(id) = submap.filter(|id| self.submap.map(|s| s.id) != Some(*id)) {
+        if let Some(id) = submap.filter(|id| self.submap != Some(*id)) {
             // The submap became part of another: what moves was seen in a frame of reference that is no more.
             self.filter.forget();
-            self.submap = Some(Submap::known(id));
+            self.submap = Some(id);
             self.forget_world();
         }
     }

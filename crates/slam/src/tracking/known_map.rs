@@ -3,7 +3,7 @@
 use super::local_map::LocalMap;
 use std::sync::Arc;
 use stillpoint_imaging::FrameId;
-use stillpoint_map::{KeyframeId, MapView, SubmapId};
+use stillpoint_map::{KeyframeId, MapView};
 use stillpoint_place::{PlaceIndex, Vocabulary};
 
 /// A view of the map with what is kept beside it.
@@ -50,20 +50,5 @@ impl KnownMap {
     /// The id of the keyframe that a frame of this run may become.
     pub(super) fn keyframe_id(&self, frame: FrameId) -> KeyframeId {
         KeyframeId(self.first_keyframe.saturating_add(frame.0))
-    }
-}
-
-/// The submap that the last pose was in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Submap {
-    pub(super) id: SubmapId,
-    /// Keyframes it has, while it needs more of them than others do to be recognised.
-    pub(super) young: Option<u32>,
-}
-
-impl Submap {
-    /// One that has been there for long.
-    pub(super) fn known(id: SubmapId) -> Self {
-        Self { id, young: None }
     }
 }

@@ -3,7 +3,6 @@
 //! Its frames come newest first, with stamps mirrored at that frame's.
 
 use super::Tracker;
-use super::known_map::Submap;
 use super::motion::CameraMotion;
 use super::state::{LastFrame, State};
 use crate::anchored_pose::AnchoredPose;
@@ -48,7 +47,7 @@ impl Tracker {
             keyframe: last.pose.keyframe?,
             frame: self.trajectory.entries().last()?.frame,
             stamp: last.stamp,
-            submap: self.submap.map(|s| s.id),
+            submap: self.submap,
             filter: self.filter.clone(),
             motion: *motion,
             data: Arc::clone(&last.data),
@@ -99,7 +98,7 @@ impl Tracker {
         mirrored.begun = point.stamp;
         mirrored.inertial = self.inertial.as_ref().map(|i| i.mirrored(point.stamp));
         mirrored.odometry = self.odometry.as_ref().map(|o| o.mirrored(point.stamp));
-        mirrored.submap = point.submap.map(Submap::known);
+        mirrored.submap = point.submap;
         mirrored.previous = Some(Arc::clone(image));
         mirrored.goes_back = true;
         Some(mirrored)

@@ -6,7 +6,6 @@ mod carry;
 mod choice;
 mod clock;
 mod config;
-mod demand;
 mod ego_motion;
 mod first_keyframe;
 mod flow;
@@ -55,7 +54,7 @@ use carry::Carried;
 use ego_motion::EgoMotion;
 use front_end::FrontEnd;
 use known::PastPoses;
-use known_map::{KnownMap, Submap};
+use known_map::KnownMap;
 use memory::Memory;
 use outcome::SinceKeyframe;
 use pose::PosePrior;
@@ -66,7 +65,7 @@ use std::sync::Arc;
 use stillpoint_features::OrbConfig;
 use stillpoint_geometry::{Camera, Mat6, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd, Standstill, Still, StillWatch, Workers};
-use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, SubmapId};
 use vote::Vote;
 
 /// What of the configuration concerns the tracker: made from a [`Config`](crate::Config).
@@ -94,14 +93,12 @@ pub struct Tracker {
     map: KnownMap,
     state: State,
     /// The submap that the last pose was in.
-    submap: Option<Submap>,
+    submap: Option<SubmapId>,
     /// When the last submap was begun, s.
     begun: f64,
     /// Whether hardly anything moved when it was.
     quiet: bool,
     since_keyframe: SinceKeyframe,
-    /// How far a readout of a second moves the outer rows of the keyframe that was taken in the fastest motion, px.
-    fastest_keyframe: f64,
     /// How fast frames come.
     pace: Pace,
     /// Share of the keypoints that moved in the frame before.
@@ -190,7 +187,6 @@ impl Tracker {
             begun: f64::NEG_INFINITY,
             quiet: true,
             since_keyframe: SinceKeyframe::default(),
-            fastest_keyframe: 0.0,
             pace: Pace::default(),
             moving_share: 0.0,
             previous: None,

@@ -6,7 +6,7 @@ use super::keyframe::Coverage;
 use super::motion::CameraMotion;
 use super::state::{LastFrame, State};
 use super::statistics::Statistics;
-use super::{Notes, Solution, Submap, Tracker};
+use super::{Notes, Solution, Tracker};
 use crate::anchored_pose::AnchoredPose;
 use crate::evidence::Cells;
 use crate::inertial::Inertial;
@@ -19,12 +19,6 @@ use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, LandmarkId, SubmapId};
-
-/// Keyframes that a submap gets early, whether they are needed or not: only keyframes are compared with the places of other
-/// submaps, and it takes some in a row to be recognised.
-const YOUNG_KEYFRAMES: u32 = 5;
-/// Time between these, at least, s: ten frames of 30 Hz.
-const YOUNG_SECONDS: f64 = 0.32;
 
 /// How the way of a frame ends.
 pub(super) struct Ending {
@@ -49,8 +43,6 @@ impl Ending {
 pub(super) struct SinceKeyframe {
     /// The frame that became it.
     frame: Option<FrameId>,
-    /// The readout of the shutter that was known then, s.
-    pub(super) readout: f64,
     /// How often landmarks were expected, found and seen through.
     statistics: Statistics,
     coverage: Coverage,
@@ -92,15 +84,10 @@ impl Tracker {
         };
         let matches = vec![None; data.len()];
         self.forget_world();
-        self.submap = Some(Submap {
-            id: SubmapId(id.0),
-            // The first submap of all has no others whose places it could be compared with.
-            young: (!self.map.is_empty()).then_some(1),
-        });
+        self.submap = Some(SubmapId(id.0));
         self.begun = frame.stamp;
         self.since_keyframe.frame = Some(frame.id);
         self.since_keyframe.coverage = Coverage::of(place.anchored, 0);
-        self.note_exposure(&self.front_end.exposure(None));
         self.write_down(frame, &place, Some(inliers));
         let motion = CameraMotion::default();
         self.follow_from(frame, &data, matches.clone(), &place, motion);
@@ -155,9 +142,9 @@ impl Tracker {
         let (view, reference) = (&self.map.view, solution.reference);
         // A recognised place may lie in another submap than the frames before.
         if let Some(id) = view.submap_of(reference)
-            && self.submap.map(|s| s.id) != Some(id)
+            && self.submap != Some(id)
         {
-            self.submap = Some(Submap::known(id));
+            self.submap = Some(id);
         }
         let world_from_camera = camera_from_world.inverse();
         // Relative to a keyframe, so that the pose follows when the map is corrected later.
@@ -247,17 +234,10 @@ impl Tracker {
         };
         let needed =
             gap >= config.min_seconds && (coverage.lacks_landmarks(config, tracked) || new_view());
-        let sharper = gap >= config.min_seconds && self.knows_shutter_better();
-        let young = self.submap.and_then(|s| s.young);
-        let early = young.is_some_and(|n| n < YOUNG_KEYFRAMES) && gap >= YOUNG_SECONDS;
-        if !needed && !early && !sharper && !self.keyframe_wanted {
+        if !needed && !self.keyframe_wanted {
             return None;
         }
         self.keyframe_wanted = false;
-        self.note_exposure(&solution.exposure);
-        if let Some(submap) = &mut self.submap {
-            submap.young = young.map(|n| n.saturating_add(1));
-        }
         let id = self.map.keyframe_id(frame.id);
         self.since_keyframe.frame = Some(frame.id);
         let own = AnchoredPose {
@@ -330,13 +310,6 @@ impl Tracker {
     ) -> Tracked {
         let has_map = !self.map.is_empty();
         let waited = self.release_first_keyframe(frame.id);
-        // A frame that begins a map had no landmarks to agree with, which says nothing about how many keypoints the next one needs.
-        let agreed = match ending.outcome {
-            Outcome::Initialised => None,
-            _ if self.repeated.is_some() => None,
-            _ => has_map.then_some(notes.counts.inliers),
-        };
-        self.front_end.note_inliers(agreed);
         self.moving_share = notes.counts.moving_share();
         self.note_quiet(frame.stamp - self.begun);
         // What the filter saw counts also where no pose came of it: detections that it used are used up.
@@ -366,7 +339,7 @@ impl Tracker {
             counts: notes.counts,
             still: notes.still,
             is_keyframe: ending.place.is_some_and(|p| p.anchored.keyframe.is_some()),
-            submap: submap.map(|s| s.id),
+            submap,
             map_version: self.map.view.version(),
             inertial: self.inertial.as_ref().map(Inertial::report),
             odometry: self.odometry.as_ref().map(Odometry::report),

@@ -51,7 +51,7 @@ impl Tracker {
     /// near, or too few agree.
     fn regain_map(&mut self, frame: FrameId, data: &KeyframeData, fix: &Fix) -> Option<Fix> {
         let _span = tracing::info_span!("regain").entered();
-        let submap = self.submap.map(|s| s.id);
+        let submap = self.submap;
         let KnownMap {
             surroundings, view, ..
         } = &mut self.map;

@@ -248,7 +248,7 @@ impl Tracker {
                 point: data.camera.backproject(pair.now, z),
                 measurement: Measurement::new(pair.before, sigma_px, Some((before.z, sigma))),
                 // Of the place in the frame before, whose surfaces are judged already; those of this frame need its pose first.
-                weight: self.filter.say(pair.before_raw, reading.z),
+                weight: self.filter.say(pair.before_raw),
             })
         };
         voters.clear();

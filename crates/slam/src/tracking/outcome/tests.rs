@@ -1,6 +1,5 @@
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 
-use super::super::known_map::Submap as KnownSubmap;
 use super::super::sight::Sight;
 use super::super::statistics::Sightings;
 use super::*;
@@ -42,7 +41,7 @@ fn tracker(world: &mut World) -> Tracker {
             tracker.follow_from(&frame(0), &data(&[]), Vec::new(), &place, motion);
         }
     }
-    tracker.submap = Some(KnownSubmap::known(SubmapId(0)));
+    tracker.submap = Some(SubmapId(0));
     tracker
 }
 
@@ -139,7 +138,7 @@ fn a_recognised_place_is_named_and_may_be_in_another_submap() {
     let ending = tracker.accept(&frame(1), found, &notes());
     let (since, with) = (FrameId(1), KeyframeId(9));
     assert_eq!(ending.outcome, Outcome::Relocalised { since, with });
-    assert_eq!(tracker.submap.map(|s| s.id), Some(SubmapId(9)));
+    assert_eq!(tracker.submap, Some(SubmapId(9)));
     assert!(tracker.state.velocity().is_none());
 }
 

@@ -1,6 +1,5 @@
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 
-use super::super::known_map::Submap;
 use super::super::motion::CameraMotion;
 use super::super::state::State;
 use super::*;
@@ -126,7 +125,7 @@ fn lose(tracker: &mut Tracker) {
     let last = last(0.0);
     tracker.state = State::Tracking { last, motion };
     tracker.state.lose(FrameId(30));
-    tracker.submap = Some(Submap::known(SubmapId(0)));
+    tracker.submap = Some(SubmapId(0));
 }
 
 fn solution(x: f64) -> Solution {
