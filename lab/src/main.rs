@@ -1,6 +1,7 @@
 //! `lab`: experiments on Stillpoint, comparisons of two versions and with other systems, and the tables of the documents (lab/README.md).
 
 mod compare;
+mod constants;
 mod document;
 mod experiments;
 mod inputs;
@@ -38,6 +39,7 @@ enum Command {
     Compare(compare::Arguments),
     Peers(peers::Arguments),
     Record(record::Arguments),
+    Constants(constants::Arguments),
     Document(document::Arguments),
     Allocations(allocations::Arguments),
     Closing(closing::Arguments),
@@ -69,6 +71,7 @@ fn run(command: &Command) -> Result<ExitCode, Failure> {
         Command::Compare(arguments) => compare::run(arguments),
         Command::Peers(arguments) => peers::run(arguments),
         Command::Record(arguments) => record::run(arguments),
+        Command::Constants(arguments) => constants::run(arguments),
         Command::Document(arguments) => document::run(arguments),
         Command::Allocations(arguments) => allocations::run(arguments),
         Command::Closing(arguments) => closing::run(arguments),

@@ -1,6 +1,7 @@
 //! Tests of the program `lab`, all in one binary. What it drives is the command line as this workspace builds it.
 #![allow(clippy::unwrap_used)]
 
+mod constants;
 mod document;
 mod experiments;
 #[cfg(unix)]

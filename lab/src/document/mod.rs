@@ -7,7 +7,7 @@ mod regions;
 
 use crate::markdown::Kept;
 use crate::results::{Line, Made, Run, read, runs};
-use crate::{Failure, origin, peers, views};
+use crate::{Failure, constants, origin, peers, views};
 use regions::{Region, View, replace};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -47,7 +47,7 @@ pub(crate) fn save(name: &str, lines: impl Iterator<Item = Line>) -> Result<(), 
     Ok(())
 }
 
-fn write(file: &Path, text: &str) -> Result<(), Failure> {
+pub(crate) fn write(file: &Path, text: &str) -> Result<(), Failure> {
     write_atomic(file, text.as_bytes()).map_err(|e| {
         format!(
             "{}: expected a file that can be written, found: {e}",
@@ -182,7 +182,9 @@ fn said(made: &Made, all: &[Run]) -> String {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let root = arguments.root.clone().unwrap_or_else(origin::root);
-    let (mut shown, mut differ, mut tables) = (BTreeSet::new(), Vec::new(), 0);
+    // The table of constants shows its own results.
+    let mut shown = BTreeSet::from([constants::RESULT.to_owned()]);
+    let (mut differ, mut tables) = (Vec::new(), 0);
     for file in documents(&root) {
         let name = file.strip_prefix(&root).unwrap_or(&file).display();
         let text = std::fs::read_to_string(&file)?;
@@ -215,7 +217,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     for name in &differ {
         println!("{name}: {words}");
     }
-    println!("{tables} tables of {} result files", shown.len());
+    println!("{tables} tables of {} result files", shown.len() - 1);
     Ok(if arguments.check && !differ.is_empty() {
         ExitCode::FAILURE
     } else {
