@@ -1,47 +1,71 @@
 //! What the map itself is off by: every keyframe hangs on the one that it was tracked from, and errs with it.
 //!
-//! The first keyframe of a map is where it is by definition. Who sees what it saw is no farther off than their own pose; who sees something else, in part, has
-//! landmarks that were placed from poses which err.
+//! The first keyframe of a map is where it is by definition. Whoever sees a part of what it saw is no farther off than their own pose; whoever sees nothing of it has
+//! landmarks that were placed from poses which err, and so on from view to view.
 
 use super::moved;
 use crate::view_angle::view_angle;
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
+use stillpoint_geometry::nalgebra::ArrayStorage;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{Keyframe, KeyframeId, KeyframeSlot, MapView};
-
-/// A map is off by as much as one of its poses, once more, where the view has changed by so much, rad: the turn, and the way by the depth. Three fields of view, as
-/// landmarks are seen by many keyframes. Of a way in simulated rooms through 43 m and a loop, errors ask for 2 to 5.
-const RENEWED_RAD: f64 = 3.0;
 
 /// The covariances of a map's keyframes. It takes those of the frames that become keyframes, and the versions of the map.
 #[derive(Clone, Debug, Default)]
 pub struct MapCovariance {
     /// Of keyframes in the map around them, in the axes of their cameras.
     own: BTreeMap<KeyframeId, Mat6>,
-    /// Of what keyframes are off by from where the map, or the submap, began: a left perturbation of `world_from_camera`.
-    drift: BTreeMap<KeyframeId, Mat6>,
+    /// What keyframes are off by from where the map, or the submap, began.
+    drift: BTreeMap<KeyframeId, Drift>,
     /// Keyframes that no version has had yet.
     waiting: Vec<KeyframeId>,
     /// Number of loops in the newest version.
     loops: usize,
 }
 
-/// Between two keyframes.
-struct Tie {
-    ends: [KeyframeId; 2],
-    /// Share of a view that is new from one to the other, from 0 to 1.
-    renewed: f64,
-    /// What that adds, for a left perturbation in the world.
+/// What lies between a keyframe and the one with which its map began.
+#[derive(Clone, Copy, Debug)]
+struct Drift {
+    /// By how many fields of view the views on the way differ, in all.
+    views: f64,
+    /// Of a left perturbation of `world_from_camera`.
     covariance: Mat6,
 }
 
+impl Drift {
+    const NONE: Self = Self {
+        views: 0.0,
+        covariance: Mat6::from_array_storage(ArrayStorage([[0.0; 6]; 6])),
+    };
+
+    /// At the other end of a tie. With every view that shares nothing with the one before, a map is off by as much again as one of its poses; the first is where it is.
+    fn after(&self, tie: &Tie) -> Self {
+        let views = self.views + tie.views;
+        let new = views.max(1.0) - self.views.max(1.0);
+        Self {
+            views,
+            covariance: self.covariance + tie.own * new,
+        }
+    }
+}
+
+/// Between two keyframes.
+struct Tie {
+    ends: [KeyframeId; 2],
+    /// By how many fields of view they differ.
+    views: f64,
+    /// What the newer one is off by in the map around it, for a left perturbation in the world.
+    own: Mat6,
+}
+
 /// A keyframe on its way through the queue; the one that has least in between comes first, ties by number.
-struct Reached(f64, KeyframeId, Mat6);
+struct Reached(KeyframeId, Drift);
 
 impl Ord for Reached {
     fn cmp(&self, other: &Self) -> Ordering {
-        other.0.total_cmp(&self.0).then(other.1.cmp(&self.1))
+        let by_views = other.1.views.total_cmp(&self.1.views);
+        by_views.then(other.0.cmp(&self.0))
     }
 }
 impl PartialOrd for Reached {
@@ -89,13 +113,11 @@ impl MapCovariance {
                 KeyframeSlot::Empty => self.waiting.push(id),
                 KeyframeSlot::Culled { .. } => {}
                 KeyframeSlot::Live(k) => {
-                    let hung = self.tie_to_parent(view, k).map(|tie| {
+                    let drift = self.tie_to_parent(view, k).map_or(Drift::NONE, |tie| {
                         let of_parent = self.drift.get(&tie.ends[0]);
-                        of_parent.map_or(tie.covariance, |c| c + tie.covariance)
+                        of_parent.unwrap_or(&Drift::NONE).after(&tie)
                     });
-                    if let Some(covariance) = hung {
-                        self.drift.entry(id).or_insert(covariance);
-                    }
+                    self.drift.entry(id).or_insert(drift);
                 }
             }
         }
@@ -106,7 +128,9 @@ impl MapCovariance {
     pub fn at(&self, view: &MapView, reference: KeyframeId, world_from_camera: &Se3) -> Mat6 {
         let live = view.resolve_keyframe(reference);
         let drift = live.and_then(|id| self.drift.get(&id));
-        drift.map_or_else(Mat6::zeros, |c| moved(c, &world_from_camera.inverse()))
+        drift.map_or_else(Mat6::zeros, |d| {
+            moved(&d.covariance, &world_from_camera.inverse())
+        })
     }
 
     fn tie_to_parent(&self, view: &MapView, k: &Keyframe) -> Option<Tie> {
@@ -114,18 +138,19 @@ impl MapCovariance {
         let motion = parent.world_from_camera.inverse() * k.world_from_camera;
         let depth = k.data.median_depth(&mut Vec::new());
         // Where nothing has a depth, nothing tells how much of the view is another.
-        let angle = view_angle(&motion, depth.unwrap_or(0.0));
-        let renewed = (angle / RENEWED_RAD).min(1.0);
-        Some(self.tie([parent.id, k.id], renewed, k))
+        let angle = depth.map(|z| view_angle(&motion, z));
+        let camera = &k.data.camera;
+        let field = 2.0 * libm::atan(0.5 * camera.width as f64 / camera.fx);
+        let views = angle.map_or(1.0, |angle| (angle / field).min(1.0));
+        Some(self.tie([parent.id, k.id], views, k))
     }
 
-    fn tie(&self, ends: [KeyframeId; 2], renewed: f64, newer: &Keyframe) -> Tie {
+    fn tie(&self, ends: [KeyframeId; 2], views: f64, newer: &Keyframe) -> Tie {
         let own = self.own.get(&newer.id);
-        let own = own.map_or_else(Mat6::zeros, |c| moved(c, &newer.world_from_camera));
         Tie {
             ends,
-            renewed,
-            covariance: own * renewed,
+            views,
+            own: own.map_or_else(Mat6::zeros, |c| moved(c, &newer.world_from_camera)),
         }
     }
 
@@ -141,7 +166,7 @@ impl MapCovariance {
     }
 
     /// What lies between each keyframe and the first one of all that it hangs together with.
-    fn least(&self, view: &MapView) -> BTreeMap<KeyframeId, Mat6> {
+    fn least(&self, view: &MapView) -> BTreeMap<KeyframeId, Drift> {
         let ties = self.ties(view);
         let mut of_end: BTreeMap<KeyframeId, Vec<usize>> = BTreeMap::new();
         for (i, tie) in ties.iter().enumerate() {
@@ -151,12 +176,12 @@ impl MapCovariance {
         }
         let mut found = BTreeMap::new();
         for first in view.keyframes().map(|k| k.id) {
-            let mut queue = BinaryHeap::from([Reached(0.0, first, Mat6::zeros())]);
-            while let Some(Reached(far, id, covariance)) = queue.pop() {
+            let mut queue = BinaryHeap::from([Reached(first, Drift::NONE)]);
+            while let Some(Reached(id, drift)) = queue.pop() {
                 if found.contains_key(&id) {
                     continue;
                 }
-                found.insert(id, covariance);
+                found.insert(id, drift);
                 for tie in of_end.get(&id).into_iter().flatten().map(|i| &ties[*i]) {
                     let next = if tie.ends[0] == id {
                         tie.ends[1]
@@ -164,8 +189,7 @@ impl MapCovariance {
                         tie.ends[0]
                     };
                     if !found.contains_key(&next) {
-                        let far = far + tie.renewed;
-                        queue.push(Reached(far, next, covariance + tie.covariance));
+                        queue.push(Reached(next, drift.after(tie)));
                     }
                 }
             }
