@@ -107,6 +107,7 @@ impl MapCovariance {
             self.loops = loops;
             self.drift = self.least(view);
         }
+        self.forget_culled(view);
         let waiting = std::mem::take(&mut self.waiting);
         for id in waiting {
             match view.keyframe_slot(id) {
@@ -131,6 +132,16 @@ impl MapCovariance {
         drift.map_or_else(Mat6::zeros, |d| {
             moved(&d.covariance, &world_from_camera.inverse())
         })
+    }
+
+    /// Keeps memory in proportion to the map, where that culls keyframes as fast as it gets them.
+    fn forget_culled(&mut self, view: &MapView) {
+        if self.own.len() > 2 * view.keyframe_count() + self.waiting.len() {
+            let is_culled =
+                |id: &KeyframeId| matches!(view.keyframe_slot(*id), KeyframeSlot::Culled { .. });
+            self.own.retain(|id, _| !is_culled(id));
+            self.drift.retain(|id, _| !is_culled(id));
+        }
     }
 
     fn tie_to_parent(&self, view: &MapView, k: &Keyframe) -> Option<Tie> {
