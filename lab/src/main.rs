@@ -17,7 +17,7 @@ mod views;
 
 use clap::{Parser, Subcommand};
 use experiments::{
-    allocations, closing, crowds, dense, detectors, difficulty, epipolar, frame_time, kernels,
+    allocations, closing, covariance, crowds, dense, detectors, difficulty, epipolar, frame_time, kernels,
     loops, objects, place, readout, scale, sensors, soak, things,
 };
 use std::process::ExitCode;
@@ -43,6 +43,7 @@ enum Command {
     Document(document::Arguments),
     Allocations(allocations::Arguments),
     Closing(closing::Arguments),
+    Covariance(covariance::Arguments),
     Crowds(crowds::Arguments),
     Dense(dense::Arguments),
     Detectors(detectors::Arguments),
@@ -75,6 +76,7 @@ fn run(command: &Command) -> Result<ExitCode, Failure> {
         Command::Document(arguments) => document::run(arguments),
         Command::Allocations(arguments) => allocations::run(arguments),
         Command::Closing(arguments) => closing::run(arguments),
+        Command::Covariance(arguments) => covariance::run(arguments),
         Command::Crowds(arguments) => crowds::run(arguments),
         Command::Dense(arguments) => dense::run(arguments),
         Command::Detectors(arguments) => detectors::run(arguments),

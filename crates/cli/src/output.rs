@@ -10,8 +10,10 @@ use stillpoint::datasets::AtomicFile;
 use stillpoint::map::SubmapId;
 
 /// Every file that a result may hold, beside those of further submaps.
-const FILES: [&str; 18] = [
+const FILES: [&str; 20] = [
     "trajectory.txt",
+    "trajectory_covariance.txt",
+    "trajectory_covariance_in_map.txt",
     "trajectory_online.txt",
     "keyframes.txt",
     "frames.csv",

@@ -110,9 +110,29 @@ fn a_result_is_complete_and_accurate() {
             "timing.png",
             "timing.svg",
             "trajectory.txt",
+            "trajectory_covariance.txt",
+            "trajectory_covariance_in_map.txt",
             "trajectory_online.txt"
         ]
     );
+    // A line of 22 numbers per pose, with its stamp.
+    let lines = |name: &str| -> Vec<Vec<String>> {
+        let text = std::fs::read_to_string(out.join(name)).unwrap();
+        let lines = text.lines().filter(|l| !l.starts_with('#'));
+        lines
+            .map(|l| l.split(' ').map(str::to_owned).collect())
+            .collect()
+    };
+    let poses = lines("trajectory.txt");
+    for name in [
+        "trajectory_covariance.txt",
+        "trajectory_covariance_in_map.txt",
+    ] {
+        let covariances = lines(name);
+        assert!(covariances.iter().all(|l| l.len() == 22), "{name}");
+        let stamps = |of: &[Vec<String>]| of.iter().map(|l| l[0].clone()).collect::<Vec<_>>();
+        assert_eq!(stamps(&covariances), stamps(&poses));
+    }
     let summary: serde_json::Value =
         serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
     assert!(summary["frames"].as_u64().unwrap() >= LEAST as u64);

@@ -2,10 +2,11 @@
 //!
 //! Answers: how far an estimated trajectory is from the truth (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM
 //! systems", IROS 2012), and how long things took. Knows trajectories only: not how they were made, nor the files they
-//! came from. [`score`] is the whole of it; [`evaluate`], [`drift`] and [`associate`] are its parts. [`objects`] does the same for boxes.
+//! came from. [`score`] is the whole of it; [`evaluate`], [`drift`] and [`associate`] are its parts. [`coverage`] judges covariances. [`objects`] does the same for boxes.
 
 mod associate;
 mod ate;
+mod coverage;
 mod error;
 pub mod objects;
 mod offset;
@@ -19,6 +20,7 @@ pub mod timing;
 
 pub use associate::{DEFAULT_MAX_DT, associate};
 pub use ate::{Ate, PairError, absolute_error};
+pub use coverage::{Coverage, coverage, motion_coverage};
 pub use error::EvaluationError;
 pub use offset::{Offset, find_offset};
 pub use order::{OrderOf, OtherOrder, find_other_order};

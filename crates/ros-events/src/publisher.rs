@@ -11,7 +11,7 @@ use std::sync::Arc;
 use stillpoint_geometry::{Camera, Mat6, Se3, Vec3};
 use stillpoint_map::{MapView, SubmapId};
 use stillpoint_ros_messages as ros;
-use stillpoint_slam::{Event, FrameEvent, LoopOutcome, Outcome};
+use stillpoint_slam::{Event, FrameEvent, Health, LoopOutcome, Outcome};
 
 /// Path and map are published once in so many seconds at most ...
 const EVERY: f64 = 1.0;
@@ -63,8 +63,8 @@ pub struct Publisher {
     shown: Option<f64>,
     /// The newest map, until it is published.
     unshown: Option<Arc<MapView>>,
-    /// Covariance of the last velocity's first pose.
-    last_covariance: Option<Mat6>,
+    /// Of the frame before, if it had a pose.
+    last_health: Option<Health>,
 }
 
 impl Publisher {
@@ -82,7 +82,7 @@ impl Publisher {
             span: None,
             shown: None,
             unshown: None,
-            last_covariance: None,
+            last_health: None,
         }
     }
 
@@ -250,7 +250,7 @@ impl Publisher {
             out.push(Outgoing::new(Topic::Objects, self.time(), &boxes));
             out.push(Outgoing::new(Topic::Markers, self.time(), &markers));
         } else {
-            self.last_covariance = None;
+            self.last_health = None;
         }
         let diagnostics = diagnostics::message(frame, self.header(""));
         out.push(Outgoing::new(Topic::Diagnostics, self.time(), &diagnostics));
@@ -265,12 +265,18 @@ impl Publisher {
         };
         let turn = located.odom_from_camera.rotation_matrix();
         let of_pose = axes::turned(&covariance, &turn);
-        let of_velocity = match (located.since, self.last_covariance) {
-            (Some(dt), Some(before)) if dt > 0.0 => (covariance + before) / (dt * dt),
-            _ => Mat6::identity() * OPEN,
-        };
-        self.last_covariance = Some(covariance);
         let velocity = located.velocity.unwrap_or_default();
+        let since = located.since.filter(|dt| *dt > 0.0);
+        let of_velocity = self
+            .last_health
+            .as_ref()
+            .zip(since)
+            .and_then(|(before, dt)| {
+                let motion = Se3::exp(&(velocity * dt));
+                Some(frame.health.covariance_since(before, &motion)? / (dt * dt))
+            });
+        let of_velocity = of_velocity.unwrap_or_else(|| Mat6::identity() * OPEN);
+        self.last_health = Some(frame.health.clone());
         let twist = self.mount.velocity(&velocity);
         let [linear, angular] = twist.map(|part| vector(&part));
         let base = self.mount.base(&located.odom_from_camera);

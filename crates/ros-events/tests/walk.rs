@@ -175,9 +175,11 @@ fn odometry_is_the_second_transform_with_covariances_and_velocity() {
         }
         before = Some((now, position));
     }
-    // Variances of millimetres: neither none nor unknown.
-    let last = &odometry.last().unwrap().1.pose.covariance.0;
-    assert!(last[0] > 1e-10 && last[0] < 1e-2, "{}", last[0]);
+    // Variances of millimetres, and of millimetres per hundredth of a second: neither none nor unknown.
+    let last = &odometry.last().unwrap().1;
+    let (pose, twist) = (last.pose.covariance.0[0], last.twist.covariance.0[0]);
+    assert!(pose > 1e-10 && pose < 1e-2, "{pose}");
+    assert!(twist > 1e-8 && twist < 1.0, "{twist}");
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! business of [`HealthMonitor`](crate::HealthMonitor).
 
 use stillpoint_geometry::Mat6;
-use stillpoint_map::KeyframeData;
+use stillpoint_map::{KeyframeData, KeyframeId};
 
 /// What tracking notes of a frame on its way.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -20,8 +20,21 @@ pub struct Evidence {
     /// Inverse covariance of the pose, as a twist `[translation; rotation]` in the axes of the camera (m, rad); none where no
     /// pose was optimised.
     pub information: Option<Mat6>,
+    /// How the matches that tell it scatter; none where others than matches do.
+    pub scatter: Option<Scatter>,
+    /// The keyframe that the pose was measured from.
+    pub reference: Option<KeyframeId>,
     /// Whether there was a map to be tracked in.
     pub has_map: bool,
+}
+
+/// How the matches of a pose scatter about it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scatter {
+    /// Mean squared residual of their pixel coordinates, by the variance that was stated.
+    pub variance: f64,
+    /// Number of matches.
+    pub count: u32,
 }
 
 /// Which of the 8x6 cells of an image have an inlier: a set.

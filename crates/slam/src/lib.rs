@@ -6,6 +6,7 @@
 mod anchored_pose;
 mod association;
 mod config;
+mod covariance;
 mod dynamic_mask;
 mod effort;
 mod event;
@@ -47,13 +48,17 @@ mod trajectory;
 mod trust;
 mod up;
 mod validation;
+mod view_angle;
 
 pub use anchored_pose::AnchoredPose;
 pub use config::{Config, DetectorConfig, FeaturesConfig, Schedule};
+pub use covariance::{
+    CovarianceLog, MapCovariance, PoseCovariance, covariance_in_map, covariance_of_motion,
+};
 pub use dynamic_mask::{DynamicMask, MaskError, MovingThings};
 pub use effort::{CostTable, MIN_FEATURES, Plan};
 pub use event::{Event, FrameEvent};
-pub use evidence::{Cells, Evidence};
+pub use evidence::{Cells, Evidence, Scatter};
 pub use exchange::{Exchange, NotSent};
 pub use frame_state::FrameState;
 pub use gate::{FrameGate, RefusalReason, RefusedFrame};

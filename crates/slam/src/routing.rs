@@ -25,7 +25,7 @@ pub fn track(
     if !tracked.is_passed_over() {
         retracer.follow(tracker, frame, &mut tracked);
     }
-    let health = health.judge(frame, &tracked);
+    let health = health.judge(frame, &tracked, &tracker.view());
     let Tracked {
         report, keyframe, ..
     } = tracked;

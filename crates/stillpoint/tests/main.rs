@@ -6,6 +6,7 @@ mod accuracy;
 mod allocations;
 mod breakage;
 mod counting;
+mod covariance;
 mod dependencies;
 mod documents;
 mod front_ends;

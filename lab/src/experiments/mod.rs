@@ -2,6 +2,7 @@
 
 pub(crate) mod allocations;
 pub(crate) mod closing;
+pub(crate) mod covariance;
 pub(crate) mod crowds;
 pub(crate) mod dense;
 pub(crate) mod detectors;

@@ -14,6 +14,23 @@ fn crowds_have_a_row_per_contestant_and_a_control_that_has_to_fail() {
 }
 
 #[test]
+fn covariances_have_a_row_per_input_and_need_a_second_of_motion() {
+    let run = |frames: &str| lab(&["covariance", "sim:xyz@1", "--frames", frames]);
+    let done = run("45");
+    let (rows, code) = (done.rows(), done.code);
+    assert!(code < 2 && rows.len() == 1, "{}{}", done.out, done.errors);
+    assert_eq!(number(rows[0][1]), 45.0);
+    assert!((0.5..=1.0).contains(&number(rows[0][2])), "{}", done.out);
+    assert_eq!(code == 0, rows[0][9] == "met, met");
+    assert!(
+        run("10")
+            .with_code(2)
+            .errors
+            .contains("over more than a second")
+    );
+}
+
+#[test]
 fn a_readout_that_nothing_tells_of_is_missed() {
     // In ten frames at 35 deg/s the estimate stays at its initial 0, which is right for a global shutter alone.
     let done = lab(&["readout", "--seeds", "2", "--frames", "10", "rpy"]).with_code(1);

@@ -30,7 +30,8 @@ impl LiveChoice {
 /// rosbag2, ROS 1 bag) and the camera are guessed, and each guess is printed. With ground truth the score is printed too.
 ///
 /// The result folder holds trajectory.txt (final poses of the frames that were tracked with at
-/// least 30 inliers; TUM format), trajectory_online.txt (the poses as known at each frame),
+/// least 30 inliers; TUM format), trajectory_covariance.txt and trajectory_covariance_in_map.txt
+/// (how uncertain they are), trajectory_online.txt (the poses as known at each frame),
 /// keyframes.txt, config.toml (the resolved configuration), summary.json, report.html (all of it to
 /// look at, in one page: see report --help), and plots. An older
 /// result in it is replaced only when the run has ended. Ctrl-C ends the run after the frame at

@@ -1,6 +1,7 @@
 //! `run`: a data set folder or recording through the system, frame by frame or as a camera.
 
 pub(crate) mod about;
+mod covariances;
 pub(crate) mod drive;
 pub(crate) mod frames;
 pub(crate) mod known_map;

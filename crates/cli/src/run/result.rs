@@ -9,6 +9,7 @@ use crate::machine::{Machine, peak_memory};
 use crate::output::{ResultFolder, submap_file};
 use crate::page::{self, data};
 use crate::report;
+use crate::run::covariances;
 use crate::run::session::{Poses, Session};
 use crate::run::setup::Setup;
 use crate::run::summary::{
@@ -115,6 +116,9 @@ pub(crate) fn write(
 fn write_poses(poses: &Poses, folder: &mut ResultFolder) -> Result<(), Failure> {
     let text = |p: &[StampedPose]| trajectory::format(p).into_bytes();
     folder.write("trajectory.txt", &text(&poses.final_poses))?;
+    for (name, text) in covariances::files(poses) {
+        folder.write(name, text.as_bytes())?;
+    }
     folder.write("trajectory_online.txt", &text(&poses.online))?;
     for (i, submap) in poses.other_submaps.iter().enumerate() {
         let name = submap_file(i + 1, submap.id);

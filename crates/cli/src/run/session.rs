@@ -8,7 +8,7 @@ use stillpoint::datasets::StampedPose;
 use stillpoint::dense::FinalPose;
 use stillpoint::imaging::FrameId;
 use stillpoint::map::{Map, MapView};
-use stillpoint::slam::{RunLog, Timing};
+use stillpoint::slam::{PoseCovariance, RunLog, Timing};
 
 /// What a pass gave.
 pub(crate) struct Session {
@@ -45,6 +45,8 @@ pub(crate) struct Poses {
     pub(crate) final_poses: Vec<StampedPose>,
     /// Their frames.
     pub(crate) of_frames: Vec<FrameId>,
+    /// How uncertain they are; empty where nothing tells.
+    pub(crate) covariances: Vec<PoseCovariance>,
     /// Poses as known at each of these frames; without those that were in another submap then, whose poses were in another frame of
     /// reference.
     pub(crate) online: Vec<StampedPose>,

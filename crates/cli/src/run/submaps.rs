@@ -4,6 +4,7 @@ use crate::output::submap_file;
 use crate::run::summary::SubmapJson;
 use std::collections::BTreeMap;
 use stillpoint::datasets::StampedPose;
+use stillpoint::geometry::Se3;
 use stillpoint::imaging::FrameId;
 use stillpoint::map::{MapView, SubmapId};
 use stillpoint::slam::{FrameState, Trajectory, TrajectoryEntry};
@@ -19,6 +20,20 @@ pub(crate) struct Submap {
     pub(crate) frames: Vec<FrameId>,
     /// Poses as known at each frame, of those that were in this submap then.
     pub(crate) online_poses: Vec<StampedPose>,
+}
+
+impl Submap {
+    /// The entries of its frames with their final poses.
+    pub(super) fn entries(&self, trajectory: &Trajectory) -> Vec<(TrajectoryEntry, Se3)> {
+        let all = trajectory.entries();
+        let poses = self.frames.iter().zip(&self.final_poses);
+        poses
+            .filter_map(|(frame, pose)| {
+                let at = all.binary_search_by_key(frame, |e| e.frame).ok()?;
+                Some((all[at], pose.world_from_camera))
+            })
+            .collect()
+    }
 }
 
 /// Whether an entry's pose is to be written.

@@ -13,7 +13,9 @@ use stillpoint::datasets::StampedPose;
 use stillpoint::detection::MOST_DETECTIONS;
 use stillpoint::live::{Ended, LiveStatistics};
 use stillpoint::map::{Map, MapView};
-use stillpoint::slam::{Event, FrameReport, RunLog, Subscriber, Timing, Trajectory};
+use stillpoint::slam::{
+    CovarianceLog, Event, FrameReport, Health, RunLog, Subscriber, Timing, Trajectory,
+};
 
 /// Counts while frames go by.
 #[derive(Clone, Default)]
@@ -24,13 +26,17 @@ pub(crate) struct Tally {
     pub(crate) skipped: usize,
     each: Frames,
     stages: StagesJson,
+    covariances: CovarianceLog,
 }
 
 impl Subscriber for Tally {
     fn receive(&mut self, event: &Event) {
         tell(event);
         match event {
-            Event::Frame(frame) => self.take_report(&frame.report),
+            Event::Frame(frame) => {
+                self.take_report(&frame.report);
+                self.take_covariance(&frame.health);
+            }
             Event::Refused(refused) => self.skip(refused),
             Event::Rejudged { report, .. } => {
                 self.stages.features.rejudged_landmarks += u64::from(report.landmarks);
@@ -113,6 +119,13 @@ impl Tally {
         self.each.take(report);
     }
 
+    /// Of a frame whose pose was measured.
+    fn take_covariance(&mut self, health: &Health) {
+        if let (Some(_), Some(in_map)) = (&health.covariance, &health.covariance_in_map) {
+            self.covariances.note(health.frame, in_map);
+        }
+    }
+
     /// Counts a frame that was refused, and says so.
     fn skip(&mut self, reason: &dyn std::fmt::Display) {
         self.skipped += 1;
@@ -131,6 +144,9 @@ impl Tally {
         if let Some(inertial) = &mut self.stages.inertial {
             inertial.settle(submap);
         }
+        let covariances = first
+            .as_ref()
+            .and_then(|p| self.covariances.of(&p.entries(trajectory), &view));
         let (final_poses, online, of_frames) = first.map_or_else(Default::default, |p| {
             (p.final_poses, p.online_poses, p.frames)
         });
@@ -167,6 +183,7 @@ impl Tally {
             poses: Poses {
                 final_poses,
                 of_frames,
+                covariances: covariances.unwrap_or_default(),
                 online,
                 keyframes,
                 other_submaps,

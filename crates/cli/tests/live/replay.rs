@@ -30,6 +30,7 @@ fn a_live_run_comes_out_again_to_the_byte() {
     for name in [
         "trajectory.txt",
         "trajectory_online.txt",
+        "trajectory_covariance.txt",
         "keyframes.txt",
         "frames.csv",
         "config.toml",

@@ -13,6 +13,7 @@ pub use loss::{Loss, LossCause};
 pub use quality::Quality;
 
 use crate::config::Config;
+use crate::covariance::{MapCovariance, covariance_in_map, covariance_of_motion};
 use crate::inertial::InertialState;
 use crate::messages::Tracked;
 use crate::odometry::OdometryState;
@@ -25,6 +26,7 @@ use stillpoint_detection::{Detections, MotionWeights};
 use stillpoint_estimation::pose_covariance;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Standstill};
+use stillpoint_map::MapView;
 
 /// How fast a pose is carried that rides on somebody, per axis, m/s and rad/s: one standard deviation. People walk at 1 m/s, and one start in
 /// some rides.
@@ -41,11 +43,13 @@ pub struct Health {
     /// How well it was tracked; zeros when it is lost.
     pub quality: Quality,
     /// Covariance of the pose `world_from_camera`, as a twist `[translation; rotation]` (m^2, m rad, rad^2) in the axes of the
-    /// camera: `truth = world_from_camera * exp(e)` with e of this covariance. It is what the measurements of this frame leave
-    /// open against the map that it was tracked in, by the noise that the configuration states; that the map itself has
-    /// drifted is not in it. While it is undecided who moves, it allows for being carried along. None for a frame without a pose, for
+    /// camera: `truth = world_from_camera * exp(e)` with e of this covariance. The truth is relative to where the map began, or the submap: what the map is off
+    /// by is in it, and while it is undecided who moves, being carried along. None for a frame without a pose, for
     /// one that begins a map (its pose is exact, by definition), and when the measurements leave a direction open.
     pub covariance: Option<Mat6>,
+    /// The part of it that is this frame's own: what its pose is off by in the map around it; zeros for one that begins a map. Poses within some seconds differ by
+    /// what this tells of both ([`Health::covariance_since`]).
+    pub covariance_in_map: Option<Mat6>,
     /// Share of the keypoints that stand still; 0, as [`Health::dynamic_share`], when that was not judged because the frame was
     /// lost before.
     pub static_share: f64,
@@ -81,6 +85,16 @@ impl Health {
     #[must_use]
     pub fn sigma_rad(&self) -> Option<f64> {
         self.covariance.as_ref().map(|c| block_sigma(c, 3))
+    }
+
+    /// Covariance of the motion from an earlier frame to this one, `[translation; rotation]` in the axes of the camera here, m and rad: what the map is off by is in both
+    /// and cancels, as do errors that last. While it is undecided who moves, it allows for being carried along meanwhile. None where either has none.
+    #[must_use]
+    pub fn covariance_since(&self, before: &Self, before_from_here: &Se3) -> Option<Mat6> {
+        let (earlier, later) = (before.covariance_in_map?, self.covariance_in_map?);
+        let seconds = self.stamp - before.stamp;
+        let sum = covariance_of_motion(&earlier, &later, before_from_here, seconds);
+        Some(carried(sum, self.undecided.then_some(seconds)))
     }
 
     /// The covariance in the axes of the world, as robots' middleware wants it: of the position `[x, y, z]`, m, and of a turn
@@ -162,6 +176,8 @@ pub struct HealthMonitor {
     mapped: Option<f64>,
     /// The first frame of the present loss, and its stamp.
     lost: Option<(FrameId, f64)>,
+    /// What the map is off by.
+    map: MapCovariance,
 }
 
 impl HealthMonitor {
@@ -177,6 +193,7 @@ impl HealthMonitor {
             version: None,
             mapped: None,
             lost: None,
+            map: MapCovariance::default(),
         }
     }
 
@@ -196,8 +213,8 @@ impl HealthMonitor {
         self.lost = self.lost.map(|(frame, stamp)| (frame, stamp + by));
     }
 
-    /// How things stand at a frame, by what the tracker says of it.
-    pub fn judge(&mut self, frame: &RgbdFrame, tracked: &Tracked) -> Health {
+    /// How things stand at a frame, by what the tracker says of it and the version of the map that it has now.
+    pub fn judge(&mut self, frame: &RgbdFrame, tracked: &Tracked, view: &MapView) -> Health {
         let Tracked {
             report, evidence, ..
         } = tracked;
@@ -220,7 +237,8 @@ impl HealthMonitor {
             frame: report.frame,
             stamp,
             quality: Quality::default(),
-            covariance: evidence.information.as_ref().and_then(pose_covariance),
+            covariance: None,
+            covariance_in_map: None,
             undecided: report.is_undecided(),
             static_share: if judged { 1.0 - dynamic_share } else { 0.0 },
             dynamic_share,
@@ -232,23 +250,53 @@ impl HealthMonitor {
             inertial: report.inertial.map(|i| i.state),
             odometry: report.odometry.map(|o| o.state),
         };
-        let Outcome::Lost { reason, since } = report.outcome else {
-            self.lost = None;
-            let begins = report.outcome == Outcome::Initialised;
-            let known = health.sigma_m().zip(health.sigma_rad());
-            health.quality = Quality::of(&Measured {
-                agreed: evidence.agreed,
-                matched: evidence.matched,
-                needed: self.min_inliers,
-                cells: evidence.cells,
-                sigmas: if begins { Some((0.0, 0.0)) } else { known },
-            });
-            health.covariance = health.covariance.map(|c| carried(c, report.undecided));
+        if let Outcome::Lost { reason, since } = report.outcome {
+            health.loss = Some(self.loss(tracked, since, reason, look));
             return health;
-        };
-        health.covariance = None;
-        health.loss = Some(self.loss(tracked, since, reason, look));
+        }
+        self.lost = None;
+        let begins = report.outcome == Outcome::Initialised;
+        // By what was stated of the measurements: whether matches scatter more is seen in how many agree.
+        let stated = evidence.information.as_ref().and_then(pose_covariance);
+        let stated = if begins { Some(Mat6::zeros()) } else { stated };
+        health.quality = Quality::of(&Measured {
+            agreed: evidence.agreed,
+            matched: evidence.matched,
+            needed: self.min_inliers,
+            cells: evidence.cells,
+            sigmas: stated.map(|c| (block_sigma(&c, 0), block_sigma(&c, 3))),
+        });
+        if begins {
+            health.covariance_in_map = stated;
+        } else {
+            self.tell_covariance(tracked, view, &mut health);
+        }
         health
+    }
+
+    /// The covariance of a pose that was measured.
+    fn tell_covariance(&mut self, tracked: &Tracked, view: &MapView, health: &mut Health) {
+        let Tracked {
+            report, evidence, ..
+        } = tracked;
+        self.map.follow(view);
+        let information = evidence.information.as_ref();
+        let in_map = information.and_then(|i| covariance_in_map(i, evidence.scatter.as_ref()));
+        let Some(in_map) = in_map else {
+            return;
+        };
+        // The first keyframe of a map waits for a later frame, and is exact.
+        let own = tracked.keyframe.as_ref().filter(|k| k.reference.is_some());
+        if let Some(keyframe) = own {
+            self.map.note(keyframe.id, in_map);
+        }
+        let measured_from = evidence.reference.zip(report.world_from_camera);
+        let of_map = measured_from.map(|(id, pose)| self.map.at(view, id, &pose));
+        health.covariance_in_map = Some(in_map);
+        health.covariance = Some(carried(
+            in_map + of_map.unwrap_or_else(Mat6::zeros),
+            report.undecided,
+        ));
     }
 
     /// What is known of the loss that began at the frame `since`, at the frame that was `tracked`.

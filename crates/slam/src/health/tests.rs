@@ -78,7 +78,7 @@ fn judge_at(
         evidence: *evidence,
         keyframe: None,
     };
-    monitor.judge(&frame, &tracked)
+    monitor.judge(&frame, &tracked, &MapView::default())
 }
 
 fn lost(since: u32) -> Outcome {
@@ -155,7 +155,7 @@ fn a_black_frame_without_depth_is_reported_as_such() {
         evidence: Evidence::default(),
         keyframe: None,
     };
-    let health = monitor.judge(&black, &tracked);
+    let health = monitor.judge(&black, &tracked, &MapView::default());
     assert!(health.quality.value() == 0.0 && health.covariance.is_none());
     assert_eq!(
         health.to_string(),
@@ -236,7 +236,7 @@ fn while_it_is_undecided_who_moves_the_covariance_grows_and_the_quality_does_not
         evidence,
         keyframe: None,
     };
-    let health = monitor.judge(&frame, &tracked);
+    let health = monitor.judge(&frame, &tracked, &MapView::default());
     // 0.1 m and 0.05 rad per axis within half a second.
     let expected = [0.1, 0.05].map(|s: f64| (3.0 * (s * s + 1e-6)).sqrt());
     assert!((health.sigma_m().unwrap() - expected[0]).abs() < 1e-9);

@@ -1,6 +1,7 @@
 //! How many keyframes agree on a place: a single motion may be a coincidence, even one that fits the map.
 
-use super::drift::{Drift, distance, loop_covariance, moved};
+use super::drift::{Drift, distance, loop_covariance};
+use crate::covariance::moved;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{KeyframeId, LoopEdge, MapView};
 

@@ -5,6 +5,7 @@
 
 use super::nodes::Nodes;
 use super::shared;
+use crate::covariance::moved;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use stillpoint_estimation::{EdgeKernel, pose_covariance};
@@ -169,12 +170,6 @@ impl<'a> Drift<'a> {
         let (d, lever) = (covariance.diagonal(), self.spread);
         d[0] + d[1] + d[2] + lever * lever * (d[3] + d[4] + d[5])
     }
-}
-
-/// A covariance in other coordinates.
-pub(super) fn moved(covariance: &Mat6, to_from: &Se3) -> Mat6 {
-    let by = to_from.adjoint();
-    by * covariance * by.transpose()
 }
 
 /// Squared Mahalanobis distance between two motions, for a left perturbation; infinite where it has no meaning.

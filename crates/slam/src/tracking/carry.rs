@@ -60,6 +60,7 @@ impl Tracker {
         };
         let all = self.known(carried.began, now);
         notes.evidence.information = Some(blind_information(&known, all.as_ref(), blind));
+        (notes.evidence.scatter, notes.evidence.reference) = (None, Some(reference));
         let solution = Solution {
             data: std::sync::Arc::clone(data),
             camera_from_world,

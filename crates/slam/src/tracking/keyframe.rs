@@ -5,6 +5,7 @@
 
 use crate::anchored_pose::AnchoredPose;
 use crate::validation::Checker;
+use crate::view_angle::view_angle;
 use serde::{Deserialize, Serialize};
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Keyframe, MapView};
@@ -89,11 +90,6 @@ impl Coverage {
             && is_new(&reference.world_from_camera)
             && others.map(|k| &k.world_from_camera).all(is_new)
     }
-}
-
-/// By how much two views of a scene at so many m differ, rad: the turn between both, and the angle under which their distance appears.
-fn view_angle(motion: &Se3, depth: f64) -> f64 {
-    motion.rotation.angle() + motion.translation.norm() / depth
 }
 
 #[cfg(test)]

@@ -146,9 +146,9 @@ impl Tracker {
                 };
                 let solver = &mut self.memory.solver;
                 let (matches, pose, found) =
-                    solver.solve_with_information(&data, start, matches, prior);
+                    solver.solve_with_precision(&data, start, matches, prior);
                 let fits = matches.count >= enough;
-                information = fits.then_some(found);
+                information = fits.then_some(found.information);
                 let pose = if fits { pose } else { motion.camera_from_world };
                 pose.inverse()
             }

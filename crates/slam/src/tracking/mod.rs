@@ -57,13 +57,13 @@ use known::PastPoses;
 use known_map::KnownMap;
 use memory::Memory;
 use outcome::SinceKeyframe;
-use pose::PosePrior;
+use pose::{PosePrior, Precision};
 use self_calibration::RowPair;
 use state::State;
 use statistics::Sightings;
 use std::sync::Arc;
 use stillpoint_features::OrbConfig;
-use stillpoint_geometry::{Camera, Mat6, Se3};
+use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd, Standstill, Still, StillWatch, Workers};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, SubmapId};
 use vote::Vote;
@@ -151,8 +151,7 @@ struct Fix {
     inliers: usize,
     /// How many matches the pose was sought from.
     matched: usize,
-    /// Inverse covariance of the pose.
-    information: Mat6,
+    precision: Precision,
     /// What was seen of the landmarks; empty where the map does not bear the pose out.
     sightings: Sightings,
 }
@@ -345,10 +344,10 @@ impl Tracker {
                 .filter(|_| motion.follows),
             place: self.known_place(start).filter(|_| motion.follows),
         };
-        let (matches, pose, information) = self
+        let (matches, pose, precision) = self
             .memory
             .solver
-            .solve_with_information(data, start, matches, prior);
+            .solve_with_precision(data, start, matches, prior);
         // Found is what agrees with the refined pose, not all that was matched.
         sightings.found(&matches);
         // Until the first view of a new submap arrives, the last frame's own points are what there is to track.
@@ -362,7 +361,7 @@ impl Tracker {
             matches,
             inliers,
             matched,
-            information,
+            precision,
             sightings,
         }
     }
@@ -381,7 +380,9 @@ impl Tracker {
             matched: fix.matched as u32,
             agreed: fix.matches.count as u32,
             cells: Cells::of(&data, |i| targets[i].is_some()),
-            information: Some(fix.information),
+            information: Some(fix.precision.information),
+            scatter: fix.precision.scatter,
+            reference: Some(reference),
             ..notes.evidence
         };
         if fix.inliers < self.setup.tracking.min_inliers {

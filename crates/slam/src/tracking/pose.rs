@@ -1,6 +1,7 @@
 //! The pose from matches.
 
 use crate::association::{Matches, measurement};
+use crate::evidence::Scatter;
 use stillpoint_estimation::{
     Intrinsics, KnownPlace, KnownTurn, PoseObservation, PoseOptions, optimise_pose_in,
 };
@@ -14,6 +15,15 @@ pub(super) struct PosePrior {
     pub(super) turn: Option<KnownTurn>,
     /// Its place, by the camera's momentum.
     pub(super) place: Option<KnownPlace>,
+}
+
+/// What the matches of a pose tell of it.
+#[derive(Clone, Copy)]
+pub(super) struct Precision {
+    /// The inverse of its covariance, for a left perturbation of `camera_from_world`.
+    pub(super) information: Mat6,
+    /// How those that agree with it scatter; none of a vote of the flow.
+    pub(super) scatter: Option<Scatter>,
 }
 
 /// Finds poses from matches; keeps its memory.
@@ -33,18 +43,18 @@ impl PoseSolver {
         matches: Matches,
         prior: PosePrior,
     ) -> (Matches, Se3) {
-        let (matches, pose, _) = self.solve_with_information(data, initial, matches, prior);
+        let (matches, pose, _) = self.solve_with_precision(data, initial, matches, prior);
         (matches, pose)
     }
 
-    /// The same, with the information of the pose: the inverse of its covariance, for a left perturbation of `camera_from_world`.
-    pub(super) fn solve_with_information(
+    /// The same, with what that tells of the pose.
+    pub(super) fn solve_with_precision(
         &mut self,
         data: &KeyframeData,
         initial: &Se3,
         mut matches: Matches,
         prior: PosePrior,
-    ) -> (Matches, Se3, Mat6) {
+    ) -> (Matches, Se3, Precision) {
         let _span = tracing::info_span!("pose").entered();
         self.features.clear();
         self.observations.clear();
@@ -71,6 +81,13 @@ impl PoseSolver {
             }
         }
         self.inliers = estimate.inliers;
-        (matches, estimate.camera_from_world, estimate.information)
+        let precision = Precision {
+            information: estimate.information,
+            scatter: Some(Scatter {
+                variance: estimate.pixel_variance,
+                count: estimate.inlier_count as u32,
+            }),
+        };
+        (matches, estimate.camera_from_world, precision)
     }
 }

@@ -3,7 +3,7 @@
 use super::ego_motion::EgoMotion;
 use super::known_map::KnownMap;
 use super::local_map::{LOCAL_RADIUS, SearchArea};
-use super::pose::PosePrior;
+use super::pose::{PosePrior, Precision};
 use super::sight::Sight;
 use super::statistics::Sightings;
 use super::vote::Vote;
@@ -86,10 +86,10 @@ impl Tracker {
             turn: self.known_pose_in_crowd(),
             ..PosePrior::default()
         };
-        let (matches, pose, information) = self
+        let (matches, pose, precision) = self
             .memory
             .solver
-            .solve_with_information(data, &found, matches, prior);
+            .solve_with_precision(data, &found, matches, prior);
         let drift = fix.camera_from_world * pose.inverse();
         let near = drift.translation.norm() < MAX_DRIFT_M && drift.rotation.angle() < MAX_DRIFT_RAD;
         let enough = matches.count >= self.setup.tracking.min_inliers;
@@ -98,7 +98,7 @@ impl Tracker {
             inliers: matches.count,
             matches,
             matched,
-            information,
+            precision,
             // What was expected from the pose before says nothing.
             sightings: Sightings::default(),
         })
@@ -154,12 +154,10 @@ impl Tracker {
             turn: self.known_pose(),
             place: self.known_place(&vote.camera_from_world),
         };
-        let (matches, pose, information) = self.memory.solver.solve_with_information(
-            data,
-            &vote.camera_from_world,
-            matches,
-            prior,
-        );
+        let (matches, pose, precision) =
+            self.memory
+                .solver
+                .solve_with_precision(data, &vote.camera_from_world, matches, prior);
         let enough = self.setup.tracking.min_inliers;
         if matches.count < enough && vote.agreed >= enough {
             return Self::follow_vote(vote, data.len());
@@ -169,7 +167,7 @@ impl Tracker {
             inliers: matches.count,
             matches,
             matched,
-            information,
+            precision,
             // What should be seen from a pose that the map does not bear out says nothing against landmarks.
             sightings: Sightings::default(),
         }
@@ -183,7 +181,10 @@ impl Tracker {
             inliers: vote.agreed,
             matches: Matches::new(features),
             matched: vote.voted,
-            information: vote.information,
+            precision: Precision {
+                information: vote.information,
+                scatter: None,
+            },
             sightings: Sightings::default(),
         }
     }

@@ -1,0 +1,79 @@
+//! Covariances of poses, against the truth: on a way on which the map drifts, and without what they say of the map as a control.
+#![allow(clippy::print_stdout)] // What was measured is worth reading.
+
+use stillpoint_evaluation::{TimedPose, coverage, motion_coverage};
+use stillpoint_geometry::{Camera, Mat6, Se3};
+use stillpoint_imaging::Simd;
+use stillpoint_simulator::{Simulator, SimulatorConfig};
+use stillpoint_slam::{Config, CovarianceLog, Event, PoseCovariance, System, covariance_of_motion};
+
+/// A way of 13 m in 15 s, out of one room and into another: many views from where it began.
+const FRAMES: usize = 450;
+
+fn timed((stamp, world_from_camera): (f64, Se3)) -> TimedPose {
+    TimedPose {
+        stamp,
+        world_from_camera,
+    }
+}
+
+/// It takes long because a map drifts slowly.
+#[test]
+fn intervals_of_ninety_percent_hold_the_truth_on_a_way_through_rooms() {
+    let camera = Camera::pinhole(320, 240, [262.5, 262.5, 159.5, 119.5]);
+    let simulator = Simulator::new(&SimulatorConfig {
+        scene: "loop_two_rooms".into(),
+        seed: 1,
+        frames: Some(FRAMES),
+        camera,
+        ..SimulatorConfig::default()
+    })
+    .unwrap();
+    let mut system = System::new(Config::default(), camera, Simd::detect()).unwrap();
+    let mut log = CovarianceLog::default();
+    let (mut online, mut known) = (Vec::new(), Vec::new());
+    for i in 0..FRAMES {
+        let events = system.step(simulator.frame(i));
+        let frame = events.iter().find_map(Event::as_frame).unwrap();
+        let health = &frame.health;
+        let Some((covariance, in_map)) = health.covariance.zip(health.covariance_in_map) else {
+            continue;
+        };
+        // What the map is off by comes on top.
+        assert!((covariance - in_map).diagonal().min() >= -1e-15);
+        log.note(health.frame, &in_map);
+        online.push(timed((
+            health.stamp,
+            frame.report.world_from_camera.unwrap(),
+        )));
+        known.push(covariance);
+    }
+    system.finish();
+    let truth: Vec<TimedPose> = simulator.ground_truth().into_iter().map(timed).collect();
+    let poses = system.corrected_trajectory();
+    let covariances = log.of(&poses, &system.view()).unwrap();
+    assert!(poses.len() == covariances.len() && poses.len() > FRAMES - 5);
+    for c in &covariances {
+        assert!(c.in_map.cholesky().is_some() && c.from_origin.cholesky().is_some());
+    }
+    let found: Vec<TimedPose> = poses.iter().map(|(e, p)| timed((e.stamp, *p))).collect();
+    let of = |which: fn(&PoseCovariance) -> Mat6| {
+        let all: Vec<Mat6> = covariances.iter().map(which).collect();
+        coverage(&truth, &found, &all).unwrap()
+    };
+    let (whole, control) = (of(|c| c.from_origin), of(|c| c.in_map));
+    let motions = motion_coverage(&truth, &found, 1.0, |i, j, by| {
+        let (a, b) = (&covariances[i].in_map, &covariances[j].in_map);
+        covariance_of_motion(a, b, by, found[j].stamp - found[i].stamp)
+    });
+    let (motions, online) = (motions.unwrap(), coverage(&truth, &online, &known).unwrap());
+    println!(
+        "final {whole:?}\nwithout the map's {control:?}\nmotions {motions:?}\nonline {online:?}"
+    );
+    let honest = 0.85..0.99;
+    assert!(honest.contains(&whole.place) && honest.contains(&whole.direction));
+    assert!(motions.place > 0.85 && motions.direction > 0.85);
+    assert!(honest.contains(&online.place) && honest.contains(&online.direction));
+    // Places are still near, but the map has turned: without what it is off by too little is promised.
+    assert!(control.direction < 0.8 && control.place < whole.place);
+}
