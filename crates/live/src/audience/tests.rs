@@ -49,6 +49,7 @@ fn tracked(n: u32) -> Event {
             stamp,
             quality: Quality::default(),
             covariance: None,
+            covariance_in_map: None,
             static_share: 1.0,
             dynamic_share: 0.0,
             depth_share: 1.0,
