@@ -17,8 +17,8 @@ mod views;
 
 use clap::{Parser, Subcommand};
 use experiments::{
-    allocations, closing, covariance, crowds, dense, detectors, difficulty, epipolar, frame_time, kernels,
-    loops, objects, place, readout, scale, sensors, soak, things,
+    allocations, closing, covariance, crowds, dense, detectors, difficulty, epipolar, frame_time,
+    kernels, loops, objects, place, readout, scale, sensors, soak, things,
 };
 use std::process::ExitCode;
 
