@@ -7,7 +7,7 @@ use crate::config::Config;
 use crate::mapping::MappingEffort;
 
 /// Fewest keypoints per image that a plan goes down to: with 400, people who come into the image left too little to hold on to (docs/decisions/0017).
-const MIN_FEATURES: u32 = 500;
+pub const MIN_FEATURES: u32 = 500;
 /// Fewest neighbours of a keyframe that a plan goes down to.
 const MIN_NEIGHBOURS: u32 = 2;
 /// Fewest keyframes in local bundle adjustment that a plan goes down to.
