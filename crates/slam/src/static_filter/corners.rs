@@ -1,20 +1,31 @@
 //! Which surface a corner lies on, and what follows for it.
 
-use super::cells::coarse;
+use super::cells::{Cells, coarse};
+use super::rigid::Votes;
 use super::segments::LIMIT;
 use super::semantic::{MOVER, Mover};
 use super::surfaces::MOVES;
 use super::{FeatureVerdict, Preset, Reasons, StaticFilter};
+use std::ops::Range;
 use stillpoint_detection::Object;
 use stillpoint_imaging::{DepthImage, RgbdFrame};
 
+/// What has no depth and is so near something that moves may be a part of it, cells: dark clothes below a face, hair above it.
+const NEAR_CELLS: usize = 3;
+/// So many corners without depth near each other tell by their flow whether they move ...
+const HOLE_VOTES: u32 = 4;
+/// ... where more than this share of them says so.
+const HOLE_SHARE: f64 = 0.75;
+
 impl StaticFilter {
-    /// A feature moves with the surface that it lies on, or where its depth is not known, that was there shortly before.
+    /// A feature moves with the surface that it lies on. Where its depth is not known, `moves` decides, given the log odds of what was there shortly before (0 where
+    /// nothing was).
     pub(super) fn judge_feature(
         &self,
         pixel: [f32; 2],
         (image, grid): (&DepthImage, &[f32]),
         movers: &[Mover],
+        moves: impl FnOnce(f32) -> bool,
     ) -> FeatureVerdict {
         let [u, v] = pixel.map(f64::from);
         let (z, cell) = self.surface_at(pixel, image, grid);
@@ -24,7 +35,12 @@ impl StaticFilter {
         let (odds, evidence) = cell.map_or((0.0, 0.0), |c| {
             (self.surfaces.odds[c], self.surfaces.evidence[c])
         });
-        let dynamic = odds > MOVES;
+        let is_measured = z > 0.0 && cell.is_none_or(|c| grid[c] > 0.0);
+        let dynamic = if is_measured {
+            odds > MOVES
+        } else {
+            moves(odds)
+        };
         let mut reasons = Reasons::default();
         if let Some(m) = movers
             .iter()
@@ -64,14 +80,58 @@ impl StaticFilter {
         let grid = coarse(&frame.depth);
         let movers = self.movers(objects, frame.stamp);
         let depth = (&frame.depth, grid.data());
-        let judge = |pixel: &[f32; 2]| self.judge_feature(*pixel, depth, &movers);
+        let judge =
+            |pixel: &[f32; 2]| self.judge_feature(*pixel, depth, &movers, |odds| odds > MOVES);
         pixels.iter().map(judge).collect()
+    }
+
+    /// Whether corners without depth are judged by their flow. A detector finds people whatever they wear, and most such corners are on the background.
+    pub(super) fn asks_holes(&self) -> bool {
+        self.rules.config.preset == Preset::Default && !self.detected
+    }
+
+    /// Whether the flow of a feature without depth tells something, which was at this raw pixel of the last frame: whether it is near what moves.
+    pub(crate) fn is_suspect(&self, pixel: [f32; 2]) -> bool {
+        self.asks_holes() && self.moves_near(pixel)
     }
 
     /// How much say what the last frame shows at a raw pixel has in how the camera moved: as much as it is likely to stand still, 0 to 1.
     pub(crate) fn say(&self, [u, v]: [f32; 2]) -> f64 {
         let odds = self.surfaces.odds[self.rules.cells.at(u, v)];
         1.0 / (1.0 + libm::exp(f64::from(odds)))
+    }
+
+    /// Whether a surface near a raw pixel moves.
+    pub(super) fn moves_near(&self, pixel: [f32; 2]) -> bool {
+        let odds = &self.surfaces.odds;
+        self.near(pixel)
+            .any(|row| odds[row].iter().any(|odds| *odds > MOVES))
+    }
+
+    /// Whether most corners without depth near a raw pixel move, by their flow. Most such corners are beside a silhouette, on the background, and that is where
+    /// flow errs most: one alone tells nothing.
+    pub(super) fn hole_moves(&self, pixel: [f32; 2], votes: &Votes) -> bool {
+        let (mut moving, mut all) = (0, 0);
+        if votes.holes.is_empty() {
+            return false;
+        }
+        for [m, n] in self.near(pixel).flat_map(|row| &votes.holes[row]) {
+            moving += u32::from(*m);
+            all += u32::from(*n);
+        }
+        all >= HOLE_VOTES && f64::from(moving) > HOLE_SHARE * f64::from(all)
+    }
+
+    /// The cells near a raw pixel, by rows.
+    fn near(&self, [u, v]: [f32; 2]) -> impl Iterator<Item = Range<usize>> {
+        let Cells { width, height, .. } = self.rules.cells;
+        let home = self.rules.cells.at(u, v);
+        let around = |at: usize, count: usize| {
+            at.saturating_sub(NEAR_CELLS)..(at + NEAR_CELLS + 1).min(count)
+        };
+        let columns = around(home % width, width);
+        around(home / width, height)
+            .map(move |y| y * width + columns.start..y * width + columns.end)
     }
 
     /// The depth (m; 0: none) at a raw pixel or next to it, and of the cells around it the one at that depth.

@@ -27,6 +27,7 @@ impl Memory {
             objects: filter.objects.clone(),
             waiting: filter.waiting.clone(),
             unused: filter.unused,
+            detected: filter.detected,
             history,
             surfaces: Arc::clone(&filter.surfaces),
             movers: Arc::clone(&filter.movers),

@@ -67,6 +67,9 @@ pub(crate) struct FrameInput<'a> {
     pub(crate) pairs: &'a [Option<FlowPair>],
     /// The camera's motion back to the frame before.
     pub(crate) last_from_now: Se3,
+    /// Whether little else than corners without depth tells how the camera moves: then these are all kept, whatever they do. Whoever rides on somebody who
+    /// fills the view sees by them that he does.
+    pub(crate) few: bool,
 }
 
 /// What the filter says of a frame.
@@ -115,6 +118,8 @@ pub(crate) struct StaticFilter {
     /// Detections of the frame to come: they wait for its first pose.
     waiting: Option<Detections>,
     unused: Unused,
+    /// Whether there is a detector: it answered.
+    detected: bool,
     history: History,
     surfaces: Arc<Surfaces>,
     /// The objects that may move in the frame judged last.
@@ -143,6 +148,7 @@ impl StaticFilter {
             objects: ObjectTracker::new(setup.objects, *camera),
             waiting: None,
             unused: Unused::default(),
+            detected: false,
             history: History::default(),
             movers: Arc::default(),
             present: None,
@@ -181,6 +187,7 @@ impl StaticFilter {
     /// Takes detections of the frame to come.
     pub(crate) fn receive(&mut self, detections: Detections) {
         if self.wants_detections() {
+            self.detected = true;
             self.waiting = Some(detections);
         }
     }
@@ -287,9 +294,17 @@ impl StaticFilter {
         self.measure_rigidity(stamp, grid, movers);
         verdicts.clear();
         verdicts.resize(input.features.len(), FeatureVerdict::kept([0.0; 2]));
+        let votes = &memory.votes;
         let depth = (&input.frame.depth, grid.data());
         workers::fill(verdicts, JUDGED_TOGETHER, |i| {
-            self.judge_feature(input.features[i], depth, movers)
+            let pixel = input.features[i];
+            let moves = |odds| {
+                odds > -MOVES
+                    && self.moves_near(pixel)
+                    && self.hole_moves(pixel, votes)
+                    && votes.contradicts(&self.rules.camera, input, i)
+            };
+            self.judge_feature(pixel, depth, movers, moves)
         });
     }
 
@@ -315,6 +330,7 @@ impl StaticFilter {
             return None;
         }
         let frame = detections.frame;
+        self.detected = true;
         let Some(s) = self.history.get(frame) else {
             if self.history.forgot(frame) {
                 self.unused.too_late += 1;
@@ -352,6 +368,9 @@ impl StaticFilter {
         let features = input.features.iter().zip(input.pairs).zip(input.depths);
         let features = features.map(|((f, pair), z)| (f, distance(pair, *z), sigma(pair)));
         votes.count(&self.rules.cells, features);
+        if !input.few && self.asks_holes() {
+            votes.count_holes(&self.rules.cells, &self.rules.camera, input);
+        }
     }
 
     /// Tells the objects which part of their surface stands still.

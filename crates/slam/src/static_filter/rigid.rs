@@ -1,7 +1,7 @@
 //! The rigid test of single features: did the flow take them where a static scene would have?
 
-use super::FlowPair;
 use super::cells::Cells;
+use super::{FlowPair, FrameInput};
 use stillpoint_geometry::{Camera, Se3, Vec2};
 
 /// A feature farther from where a static scene would have it than this moves, px: flow errs by a third of a pixel, the
@@ -46,15 +46,54 @@ pub(super) fn distance_px(
     Some((pair.before - expected).norm())
 }
 
+/// How far a feature of unknown depth is from where a static scene may have it in the frame before, px: from the part of its epipolar line that is at least
+/// this far from the camera; `None` where that is behind the camera.
+pub(super) fn least_distance_px(
+    camera: &Camera,
+    pair: &FlowPair,
+    last_from_now: &Se3,
+) -> Option<f64> {
+    /// Nothing is seen nearer, m.
+    const NEAREST: f64 = 0.3;
+    let ray = camera.backproject(pair.now, 1.0);
+    let (near, far) = (
+        last_from_now.transform(&(NEAREST * ray)),
+        last_from_now.rotation * ray,
+    );
+    if near.z <= 0.05 || far.z <= 0.05 {
+        return None;
+    }
+    let (near, far) = (camera.project(&near), camera.project(&far));
+    let (along, to) = (far - near, pair.before - near);
+    let at = (to.dot(&along) / along.norm_squared().max(1e-12)).clamp(0.0, 1.0);
+    Some((to - at * along).norm())
+}
+
 /// What the flow of a frame says.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Votes {
     /// Of the features that are clear.
     pub(super) votes: Vec<Vote>,
     /// How far the camera's own motion is known well enough to tell, 0 to 1.
     pub(super) certainty: f32,
+    /// What is farther than this from where a static scene would have it moves, px; infinite while the camera's own motion is in doubt.
+    pub(super) moving_px: f64,
+    /// Per cell, of features without depth: how many move by their flow, and all that have any. Empty where they are not asked.
+    pub(super) holes: Vec<[u16; 2]>,
     /// Distances that are known, in any order.
     known: Vec<f64>,
+}
+
+impl Default for Votes {
+    fn default() -> Self {
+        Self {
+            votes: Vec::new(),
+            certainty: 0.0,
+            moving_px: f64::INFINITY,
+            holes: Vec::new(),
+            known: Vec::new(),
+        }
+    }
 }
 
 impl Votes {
@@ -62,6 +101,8 @@ impl Votes {
     pub(super) fn clear(&mut self) {
         self.votes.clear();
         self.certainty = 0.0;
+        self.moving_px = f64::INFINITY;
+        self.holes.clear();
     }
 
     /// Counts the votes of all features that are clear, none when the camera's own motion is in doubt. Each has a raw pixel, and with flow and
@@ -80,9 +121,13 @@ impl Votes {
         }
         let scale = EXCESS * typical;
         let (moving, still) = (MOVING_PX.max(scale), STATIC_PX.max(0.5 * scale));
+        // Of one corner the flow alone tells less than of a surface: not while the camera's own motion is half in doubt.
+        if typical <= HALF_CERTAIN_PX {
+            self.moving_px = moving;
+        }
         let vote = |(p, d, sigma): (&[f32; 2], Option<f64>, f64)| {
             let d = d?;
-            let moving = moving.max(MOVING_SIGMAS * sigma);
+            let moving = least_moving(moving, sigma);
             let still = still.max(STATIC_SIGMAS * sigma);
             (!(still..=moving).contains(&d)).then(|| Vote {
                 cell: cells.at(p[0], p[1]),
@@ -93,6 +138,35 @@ impl Votes {
         let doubt = typical / HALF_CERTAIN_PX;
         self.certainty = (1.0 / (1.0 + doubt * doubt)) as f32;
     }
+
+    /// Counts the votes of the features without depth, after those of the others.
+    pub(super) fn count_holes(&mut self, cells: &Cells, camera: &Camera, input: &FrameInput<'_>) {
+        self.holes.resize(cells.count(), [0; 2]);
+        let pairs = input.pairs.iter().zip(input.depths).enumerate();
+        for (i, _) in pairs.filter(|(_, (pair, z))| pair.is_some() && **z <= 0.0) {
+            let moves = self.contradicts(camera, input, i);
+            let [u, v] = input.features[i];
+            let [moving, all] = &mut self.holes[cells.at(u, v)];
+            *moving += u16::from(moves);
+            *all += 1;
+        }
+    }
+
+    /// Whether the flow of a feature of unknown depth shows that it moves.
+    pub(super) fn contradicts(&self, camera: &Camera, input: &FrameInput<'_>, i: usize) -> bool {
+        let pair = input.pairs.get(i).and_then(Option::as_ref);
+        pair.is_some_and(|pair| self.contradict(camera, pair, &input.last_from_now))
+    }
+
+    fn contradict(&self, camera: &Camera, pair: &FlowPair, last_from_now: &Se3) -> bool {
+        least_distance_px(camera, pair, last_from_now)
+            .is_some_and(|d| d > least_moving(self.moving_px, pair.sigma()))
+    }
+}
+
+/// From which distance on a feature whose own standard deviation is known moves, px.
+fn least_moving(moving_px: f64, sigma: f64) -> f64 {
+    moving_px.max(MOVING_SIGMAS * sigma)
 }
 
 /// The distance that three in ten features stay within, px: that of static ones, even when people are half of the image. Orders them.
@@ -108,6 +182,7 @@ fn typical(known: &mut [f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::sensor::DepthNoise;
+    use proptest::prelude::*;
     use stillpoint_geometry::nalgebra::UnitQuaternion;
     use stillpoint_geometry::{BrownConrady, Vec3};
 
@@ -176,6 +251,62 @@ mod tests {
             let expected = camera.fx * 0.05 / before.z;
             assert!((moved.unwrap() - expected).abs() < 1e-3);
         }
+    }
+
+    /// A feature seen along (x, y, 1) with what it does between two frames.
+    fn pair_of(last_from_now: &Se3, ray: Vec3, z: f64, moves: Vec3) -> FlowPair {
+        let camera = camera();
+        let before = camera.project(&(last_from_now.transform(&(z * ray)) + moves));
+        FlowPair {
+            before_raw: [0.0; 2],
+            before,
+            before_exposed: before,
+            now: camera.project(&ray),
+            flow_sigma: 0.1,
+            shutter_sigma: 0.0,
+        }
+    }
+
+    proptest! {
+        /// The least distance is that of the best depth: 0 for what stands still, and never more than that of any depth.
+        #[test]
+        fn of_unknown_depth_the_best_counts(
+            x in -0.5..0.5_f64, y in -0.4..0.4_f64, z in 0.35..8.0_f64, other in 0.35..8.0_f64,
+            turn in prop::array::uniform3(-0.03..0.03_f64), go in prop::array::uniform3(-0.03..0.03_f64),
+            moves in prop::array::uniform3(-0.1..0.1_f64),
+        ) {
+            let turn = UnitQuaternion::from_euler_angles(turn[0], turn[1], turn[2]);
+            let pose = Se3::new(turn, Vec3::from(go));
+            let ray = Vec3::new(x, y, 1.0);
+            let least = |moves| least_distance_px(&camera(), &pair_of(&pose, ray, z, moves), &pose);
+            prop_assert!(least(Vec3::zeros()).unwrap() < 1e-3);
+            let pair = pair_of(&pose, ray, z, Vec3::from(moves));
+            let at_other = distance_px(&camera(), &pair, other as f32, &pose).unwrap();
+            prop_assert!(least(Vec3::from(moves)).unwrap() <= at_other + 1e-3);
+        }
+    }
+
+    #[test]
+    fn flow_across_the_line_contradicts_and_flow_along_it_does_not() {
+        let pose = Se3::new(UnitQuaternion::identity(), Vec3::new(0.02, 0.0, 0.0));
+        let votes = votes_of(&[[100.0, 100.0]; 9], &[Some(0.2); 9], 0.1);
+        let ray = Vec3::new(0.1, 0.1, 1.0);
+        let contradicts = |votes: &Votes, moves: [f64; 3]| {
+            let pair = pair_of(&pose, ray, 1.5, Vec3::from(moves));
+            votes.contradict(&camera(), &pair, &pose)
+        };
+        assert!(contradicts(&votes, [0.0, 0.02, 0.0]));
+        // Against the camera's motion he would be behind it, or nearer than anything is.
+        assert!(contradicts(&votes, [-0.05, 0.0, 0.0]));
+        assert!(
+            !contradicts(&votes, [0.01, 0.0, 0.0]),
+            "as something nearer"
+        );
+        assert!(!contradicts(&votes, [0.0; 3]));
+        // Where the camera's own motion is in doubt, nothing is contradicted.
+        let doubt = votes_of(&[[100.0, 100.0]; 9], &[Some(9.0); 9], 0.1);
+        assert!(!contradicts(&doubt, [0.0, 0.02, 0.0]));
+        assert!(!contradicts(&Votes::default(), [0.0, 0.02, 0.0]));
     }
 
     #[test]

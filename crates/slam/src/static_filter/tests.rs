@@ -71,6 +71,7 @@ fn judge_frame(
             depths,
             pairs,
             last_from_now: Se3::identity(),
+            few: false,
         },
         &mut Memory::default(),
     );
@@ -219,6 +220,7 @@ fn a_judgement_that_is_refused_leaves_nothing_behind() {
         depths: &[1.5, 3.0, 3.0],
         pairs: &[],
         last_from_now: Se3::identity(),
+        few: false,
     };
     let (expected, _) = filter
         .clone()
@@ -233,4 +235,109 @@ fn a_judgement_that_is_refused_leaves_nothing_behind() {
     assert_eq!(found.objects.len(), 1);
     // The detections wait until a judgement that used them is kept.
     assert!(filter.waiting.is_some() && next.waiting.is_none());
+}
+
+/// Corners on a person whose depth is missing, beside him, and where nobody is.
+const DARK: [[f32; 2]; 10] = [
+    [152.0, 120.0],
+    [160.0, 124.0],
+    [168.0, 128.0],
+    [154.0, 132.0],
+    [166.0, 136.0],
+    [158.0, 140.0],
+    [20.0, 100.0],
+    [26.0, 104.0],
+    [30.0, 108.0],
+    [34.0, 112.0],
+];
+
+/// Which of these move in the third frame of somebody whose dark clothes never had a depth, as nothing has at the image's left, while what of him has one
+/// turns. `flow`: what each does between two frames, px; none where that is not known.
+fn dark_corners(flow: [Option<f64>; 10], few: bool, detector: bool) -> Vec<bool> {
+    let clothes = |x: usize, y: usize| (145..175).contains(&x) && (100..200).contains(&y);
+    let depth = (0..320 * 240).map(|i| match (i % 320, i / 320) {
+        (x, y) if clothes(x, y) || x < 60 => 0.0,
+        (x, y) if PERSON.contains(&x) && (40..200).contains(&y) => 1.5,
+        _ => 3.0,
+    });
+    let depth = DepthImage::from_vec(320, 240, depth.collect()).unwrap();
+    let pair = |now: [f32; 2], dx: f64| {
+        let now = Vec2::from(now.map(f64::from));
+        let before = now + Vec2::new(dx, 0.0);
+        FlowPair {
+            before_raw: [before.x as f32, before.y as f32],
+            before_exposed: before,
+            before,
+            now,
+            flow_sigma: 0.1,
+            shutter_sigma: 0.0,
+        }
+    };
+    let rows = |columns: [f32; 2]| (0..24).map(move |i| [columns[i % 2], 45.0 + 6.0 * i as f32]);
+    let (room, person) = (rows([250.0, 290.0]), rows([140.0, 180.0]));
+    let pairs: Vec<_> = (DARK.iter().zip(flow))
+        .map(|(now, dx)| Some(pair(*now, dx?)))
+        .chain(room.clone().map(|now| Some(pair(now, 0.0))))
+        .chain(person.clone().map(|now| Some(pair(now, 6.0))))
+        .collect();
+    let features: Vec<_> = DARK.into_iter().chain(room).chain(person).collect();
+    let depths: Vec<_> = ([0.0; 10].into_iter().chain([3.0; 24]))
+        .chain([1.5; 24])
+        .collect();
+    let mut filter = filter(&config());
+    let mut moving = Vec::new();
+    for id in 0..3 {
+        if detector {
+            filter.receive(detections(id));
+        }
+        let frame = RgbdFrame {
+            depth: depth.clone(),
+            ..frame(id)
+        };
+        let input = FrameInput {
+            frame: &frame,
+            view: &MapView::default(),
+            world_from_camera: Se3::identity(),
+            camera_from_depth: Se3::identity(),
+            features: &features,
+            depths: &depths,
+            pairs: &pairs,
+            last_from_now: Se3::identity(),
+            few,
+        };
+        let (judgement, next) = filter.judge(&input, &mut Memory::default());
+        filter = next;
+        moving = dynamic(&judgement)[..10].to_vec();
+        assert!(dynamic(&judgement)[34..].iter().all(|moves| *moves), "{id}");
+    }
+    moving
+}
+
+#[test]
+fn dark_clothes_move_where_most_of_them_do_and_somebody_is_near() {
+    let there = |moves: [bool; 10]| moves.to_vec();
+    let [on, off] = [true, false];
+    // Where nobody is near, flow alone moves nothing.
+    let all = [Some(6.0); 10];
+    assert_eq!(
+        dark_corners(all, false, false),
+        there([on, on, on, on, on, on, off, off, off, off])
+    );
+    assert_eq!(
+        dark_corners([Some(0.1); 10], false, false),
+        there([off; 10])
+    );
+    assert_eq!(dark_corners([None; 10], false, false), there([off; 10]));
+    // One that does otherwise is kept, and so is one that is alone with what it does.
+    let [mut one, mut rest] = [[Some(0.1); 10], all];
+    (one[2], rest[2]) = (Some(6.0), Some(0.1));
+    assert_eq!(dark_corners(one, false, false), there([off; 10]));
+    assert_eq!(
+        dark_corners(rest, false, false),
+        there([on, on, off, on, on, on, off, off, off, off])
+    );
+    // Where little else tells how the camera moves, all are kept.
+    assert_eq!(dark_corners(all, true, false), there([off; 10]));
+    // A detector tells by itself.
+    assert_eq!(dark_corners(all, false, true), there([off; 10]));
 }

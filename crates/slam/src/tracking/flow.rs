@@ -32,7 +32,7 @@ impl Tracker {
 
     /// Finds the features of the frame in the one before. The guess is that the scene stands still and the camera moves to
     /// `camera_from_world`. Where the filter has no use for features without depth, these are not looked for: they are returned
-    /// with their guesses.
+    /// with their guesses, but for those that may lie on something that moves.
     pub(super) fn flow(
         &mut self,
         data: &KeyframeData,
@@ -62,7 +62,7 @@ impl Tracker {
         let all = !self.filter.measures_flow_by_depth();
         let [mut wanted, mut rest] = std::array::from_fn(|_| self.memory.guesses.take());
         for (i, at) in (0..data.len()).map(guess) {
-            let which = if all || data.depth(i).is_some() {
+            let which = if all || data.depth(i).is_some() || self.filter.is_suspect(at) {
                 &mut wanted
             } else {
                 &mut rest

@@ -1,6 +1,7 @@
 //! What is seen of a frame, and what of it stands still.
 
 use super::ego_motion::EgoMotion;
+use super::known::FEW;
 use super::{Notes, Tracker};
 use crate::association::Matches;
 use crate::static_filter::{FeatureVerdict, FrameInput, Judgement};
@@ -53,6 +54,7 @@ impl Tracker {
             depths: &data.depths,
             pairs: &motion.pairs,
             last_from_now: last.unwrap_or_default().inverse() * world_from_camera,
+            few: motion.matches.count < FEW,
         };
         let (judgement, next) = filter.judge(&input, &mut self.memory.filter);
         (notes.judgement, notes.filter) = (judgement, Some(next));

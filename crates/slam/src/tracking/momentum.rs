@@ -26,6 +26,13 @@ const GATE_SIGMAS: f64 = 5.0;
 
 /// Poses err by so many times what their matches' variances tell, as these do not err each on its own: whoever walks, and what is blurred, shift many of them alike ...
 const POSE_FACTOR: f64 = 1.5;
+/// ... and by so much more per pixel by which the shutter's unsteadiness moves rows that are a quarter of the image away from its middle.
+const UNSTEADY_FACTOR: f64 = 2.5;
+/// The same of votes of the flow.
+const VOTE_FACTOR: f64 = 1.5;
+/// ... and by so much more, both of them, times the share of what is seen that moves: the more people are about, the more of them pass for the room, and
+/// all of one person errs alike from frame to frame.
+const CROWD_FACTOR: f64 = 5.0;
 /// Where no more of what is seen moves ...
 const CALM_SHARE: f64 = 0.35;
 /// ... and the shutter moves rows by no more than this, px, poses tell how the camera is accelerated.
@@ -202,10 +209,11 @@ impl Tracker {
         let (place, expected) = self.expected().filter(|_| !self.wheels_tell())?;
         let r = camera_from_world.rotation_matrix();
         let information = expected.place().try_inverse()?;
+        let factor = self.pose_factor(self.unsteady_px(camera_from_world));
         Some(KnownPlace {
             in_a: place,
             in_b: Vec3::zeros(),
-            information: r * information * r.transpose() * (POSE_FACTOR * POSE_FACTOR),
+            information: r * information * r.transpose() * factor,
         })
     }
 
@@ -221,16 +229,33 @@ impl Tracker {
         self.front_end.shutter().sigma_px(camera.cy * 0.5, unsteady)
     }
 
+    /// By how much poses err more than their matches' variances tell, squared.
+    fn pose_factor(&self, unsteady_px: f64) -> f64 {
+        let unsteady = UNSTEADY_FACTOR * unsteady_px;
+        POSE_FACTOR * POSE_FACTOR + unsteady * unsteady + self.crowd_factor()
+    }
+
+    /// The part of it, squared, that is due to people who pass for the room. On a way back there is none: what leans on its momentum rides smoothly on
+    /// whom it rides on, and then nothing tells that it does.
+    fn crowd_factor(&self) -> f64 {
+        if self.goes_back {
+            return 0.0;
+        }
+        let crowd = CROWD_FACTOR * self.moving_share;
+        crowd * crowd
+    }
+
     /// What it says of the motion from this frame to the last one, as the vote of the flow sees it: nothing on a way back, whose votes are to find out who moves.
     pub(super) fn known_shift(&self) -> Option<KnownPlace> {
         let last = self.state.tracked().filter(|_| !self.goes_back)?;
         let (_, expected) = self.expected().filter(|_| !self.wheels_tell())?;
         let r = last.world_from_camera.rotation_matrix().transpose();
         let information = expected.moved.try_inverse()?;
+        let factor = VOTE_FACTOR * VOTE_FACTOR + self.crowd_factor();
         Some(KnownPlace {
             in_a: Vec3::zeros(),
             in_b: r * expected.shift,
-            information: r * information * r.transpose() * (POSE_FACTOR * POSE_FACTOR),
+            information: r * information * r.transpose() * factor,
         })
     }
 
@@ -256,9 +281,10 @@ impl Tracker {
             return motion;
         };
         let unsteady_px = self.unsteady_px(camera_from_world);
+        let factor = self.pose_factor(unsteady_px);
         let r = camera_from_world.rotation_matrix();
         let covariance = information.and_then(|information| {
-            let mut sum = information / (POSE_FACTOR * POSE_FACTOR);
+            let mut sum = information / factor;
             let mut known = sum.fixed_view_mut::<3, 3>(0, 0);
             known += r * expected.place().try_inverse()? * r.transpose();
             let covariance = sum.try_inverse()?;

@@ -99,6 +99,7 @@ impl Scene {
             depths: &self.depths,
             pairs: &self.pairs,
             last_from_now: self.last_from_now,
+            few: false,
         };
         let mover = Mover {
             id: ObjectId(0),

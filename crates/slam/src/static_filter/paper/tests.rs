@@ -218,6 +218,7 @@ fn judged(config: &StaticFilterConfig, depths: [f32; 2], weight: f64) -> Vec<boo
         features: &features,
         depths: &z,
         pairs: &pairs,
+        few: false,
         last_from_now: Se3 {
             translation: Vec3::zeros(),
             ..Se3::identity()
