@@ -6,7 +6,8 @@
 use crate::config::Config;
 use crate::mapping::MappingEffort;
 
-/// Fewest keypoints per image that a plan goes down to: with 400, people who come into the image left too little to hold on to (docs/decisions/0017).
+/// Fewest keypoints per image that a plan goes down to: with fewer, people who come into the image leave too little to hold on to
+/// before tracking can ask for more (docs/decisions/0017).
 pub const MIN_FEATURES: u32 = 500;
 /// Fewest neighbours of a keyframe that a plan goes down to.
 const MIN_NEIGHBOURS: u32 = 2;
@@ -83,7 +84,7 @@ impl CostTable {
 /// Counts that fit a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
-    /// Keypoints asked of an image.
+    /// Keypoints wanted per image; tracking asks for more where few hold on to the map.
     pub features: u32,
     /// Work per keyframe.
     pub mapping: MappingEffort,

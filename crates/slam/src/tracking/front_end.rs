@@ -2,6 +2,7 @@
 
 use super::TrackerSetup;
 use super::clock::FrameClock;
+use super::demand::Demand;
 use super::frame::Observer;
 use super::self_calibration::{Between, RowPair, SelfCalibration};
 use crate::messages::Exposure;
@@ -13,13 +14,16 @@ use stillpoint_geometry::{Camera, Se3, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd};
 use stillpoint_map::KeyframeData;
 
-/// All that looks at images: extraction, flow, undistortion, the readout of the shutter.
+/// All that looks at images: extraction, flow, undistortion, the readout of the shutter, and how many keypoints are wanted.
 pub(super) struct FrontEnd {
     pub(super) observer: Observer,
     pub(super) clock: FrameClock,
+    demand: Demand,
     calibration: SelfCalibration,
     /// Whether the estimate of the readout improves while tracking.
     learns: bool,
+    /// Inliers that make a pose.
+    min_inliers: usize,
 }
 
 impl FrontEnd {
@@ -27,8 +31,10 @@ impl FrontEnd {
         Self {
             observer: Observer::new(camera, setup.sensor.clone(), &setup.features, simd),
             clock: FrameClock::default(),
+            demand: Demand::new(setup.features.features),
             calibration: SelfCalibration::new(setup.sensor.timing()),
             learns: setup.sensor.self_calibrate,
+            min_inliers: setup.tracking.min_inliers,
         }
     }
 
@@ -48,6 +54,8 @@ impl FrontEnd {
         frame: &RgbdFrame,
         velocity: Option<&Vec6>,
     ) -> Arc<KeyframeData> {
+        let wanted = self.demand.next(self.min_inliers);
+        self.observer.extractor.set_wanted(wanted);
         self.observer.extract(frame);
         self.measure(frame, velocity, None)
     }
@@ -86,6 +94,11 @@ impl FrontEnd {
         }
     }
 
+    /// Takes note of how many keypoints of the frame agreed with its pose, on which the demand for the next one depends.
+    pub(super) fn note_inliers(&mut self, inliers: Option<u32>) {
+        self.demand.note_inliers(inliers);
+    }
+
     /// When the parts of a frame are exposed, as estimated so far.
     pub(super) fn timing(&self) -> Timing {
         *self.calibration.timing()
@@ -102,14 +115,14 @@ impl FrontEnd {
         Shutter::new(&self.observer.camera, self.calibration.timing())
     }
 
-    /// Keypoints that an image is asked for.
+    /// Keypoints that the last image was asked for.
     pub(super) fn asked(&self) -> usize {
         self.observer.extractor.wanted()
     }
 
-    /// From now on so many keypoints are asked of an image.
+    /// From now on so many keypoints are wanted where enough of them hold.
     pub(super) fn want(&mut self, features: usize) {
-        self.observer.extractor.set_wanted(features);
+        self.demand.set(features);
     }
 
     /// How long after a frame's colour image its depth image was taken, s.

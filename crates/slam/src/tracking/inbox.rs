@@ -38,7 +38,7 @@ impl Tracker {
         })
     }
 
-    /// Keypoints that an image is asked for.
+    /// Keypoints that the last image was asked for: as many as are wanted, and more where few of the image before held on to the map.
     #[must_use]
     pub fn features(&self) -> u32 {
         self.front_end.asked() as u32

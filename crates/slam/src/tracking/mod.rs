@@ -6,6 +6,7 @@ mod carry;
 mod choice;
 mod clock;
 mod config;
+mod demand;
 mod ego_motion;
 mod first_keyframe;
 mod flow;

@@ -310,6 +310,13 @@ impl Tracker {
     ) -> Tracked {
         let has_map = !self.map.is_empty();
         let waited = self.release_first_keyframe(frame.id);
+        // A frame that begins a map had no landmarks to agree with, which says nothing about how many keypoints the next one needs.
+        let agreed = match ending.outcome {
+            Outcome::Initialised => None,
+            _ if self.repeated.is_some() => None,
+            _ => has_map.then_some(notes.counts.inliers),
+        };
+        self.front_end.note_inliers(agreed);
         self.moving_share = notes.counts.moving_share();
         self.note_quiet(frame.stamp - self.begun);
         // What the filter saw counts also where no pose came of it: detections that it used are used up.
