@@ -4,6 +4,7 @@ use super::*;
 use crate::anchored_pose::AnchoredPose;
 use crate::config::Config;
 use stillpoint_detection::{BoundingBox, ClassId, Detection};
+use stillpoint_geometry::Vec2;
 use stillpoint_imaging::{DepthImage, GrayImage};
 use stillpoint_map::KeyframeId;
 
