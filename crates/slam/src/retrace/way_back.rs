@@ -7,7 +7,7 @@ use crate::messages::MapperMsg;
 use crate::report::Outcome;
 use crate::tracking::{Tracker, TurningPoint};
 use crate::trajectory::TrajectoryEntry;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use stillpoint_detection::Detections;
 use stillpoint_geometry::{Se3, Vec6};
@@ -118,8 +118,8 @@ impl WayBack {
         }
     }
 
-    /// Compares both ways. Where they do not agree, the way back is taken: the poses of the tracker's trajectory are replaced,
-    /// and what has none on the way back loses its own. Returns what the mapper is to take back then.
+    /// Compares both ways. Where they do not agree, the way back is taken: it replaces the poses of the tracker's trajectory. Returns what the mapper is to take back
+    /// then.
     pub(super) fn settle(&self, tracker: &mut Tracker) -> Option<MapperMsg> {
         let view = tracker.view();
         // A turning point that went to another map meanwhile tells nothing.
@@ -141,22 +141,23 @@ impl WayBack {
             return None;
         }
         let world_from_point = view.world_from_keyframe(self.point.keyframe)?;
-        let entries = back.range(..=last).filter_map(|(id, seen)| {
-            let online = there.get(id).map(|seen| seen.online_world_from_camera);
+        let online = |id: &FrameId| there.get(id).map(|seen| seen.online_world_from_camera);
+        let entry = |(id, point_from_camera, seen): (FrameId, Se3, &Seen)| {
             Some(TrajectoryEntry {
-                frame: *id,
-                stamp: *self.stamps.get(id)?,
+                frame: id,
+                stamp: *self.stamps.get(&id)?,
                 pose: AnchoredPose {
                     keyframe: None,
                     reference: self.point.keyframe,
-                    reference_from_camera: seen.point_from_camera,
-                    online_world_from_camera: online
-                        .unwrap_or(world_from_point * seen.point_from_camera),
+                    reference_from_camera: point_from_camera,
+                    online_world_from_camera: online(&id)
+                        .unwrap_or(world_from_point * point_from_camera),
                 },
                 inliers: seen.inliers,
                 carried: seen.carried,
             })
-        });
+        };
+        let entries = joined(&there, &back, last).into_iter().filter_map(entry);
         tracker.repose(first, last, entries.collect());
         Some(MapperMsg::Revoke {
             first: tracker.keyframe_id(first),
@@ -231,8 +232,69 @@ impl WayBack {
     }
 }
 
+/// Where the frames up to `last` are, which both ways have, oldest first: by the way back. Of a frame that has no pose on it the way there tells its motion to the next one
+/// that both have.
+fn joined<'a>(there: &'a Way, back: &'a Way, last: FrameId) -> Vec<(FrameId, Se3, &'a Seen)> {
+    let posed = there.range(..=last).chain(back.range(..=last));
+    let frames: BTreeSet<FrameId> = posed.map(|(id, _)| *id).collect();
+    let mut next = None;
+    let mut poses: Vec<(FrameId, Se3, &Seen)> = Vec::with_capacity(frames.len());
+    for id in frames.into_iter().rev() {
+        let pose = match (there.get(&id), back.get(&id)) {
+            (before, Some(seen)) => {
+                next = before
+                    .map(|b| (b.point_from_camera, seen.point_from_camera))
+                    .or(next);
+                Some((seen.point_from_camera, seen))
+            }
+            (Some(seen), None) => {
+                next.map(|(there, back)| (back * there.inverse() * seen.point_from_camera, seen))
+            }
+            (None, None) => None,
+        };
+        poses.extend(pose.map(|(pose, seen)| (id, pose, seen)));
+    }
+    poses.reverse();
+    poses
+}
+
 /// Whether two poses differ by more than both ways err by.
 fn differ(a: &Se3, b: &Se3) -> bool {
     let d = a.inverse() * *b;
     d.translation.norm() > AGREE_M || d.rotation.angle() > AGREE_RAD
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_geometry::Vec3;
+
+    fn way(places: &[(u32, f64)]) -> Way {
+        let seen = |(id, x): &(u32, f64)| {
+            let seen = Seen {
+                point_from_camera: Se3 {
+                    translation: Vec3::new(*x, 0.0, 0.0),
+                    ..Se3::identity()
+                },
+                online_world_from_camera: Se3::identity(),
+                inliers: 100,
+                carried: false,
+            };
+            (FrameId(*id), seen)
+        };
+        places.iter().map(seen).collect()
+    }
+
+    #[test]
+    fn frames_that_only_one_way_has_keep_a_pose() {
+        let there = way(&[(0, 5.0), (1, 4.0), (2, 2.5), (4, 1.0), (5, 0.5)]);
+        // The way there is off by a metre up to frame 4; frame 2 is lost on the way back, and frame 3 on the way there.
+        let back = way(&[(0, 4.2), (1, 3.0), (3, 0.6), (4, 0.0), (5, 0.5)]);
+        let found = joined(&there, &back, FrameId(4));
+        let found: Vec<(u32, f64)> = found
+            .iter()
+            .map(|(id, p, _)| (id.0, p.translation.x))
+            .collect();
+        assert_eq!(found, [(0, 4.2), (1, 3.0), (2, 1.5), (3, 0.6), (4, 0.0)]);
+    }
 }
