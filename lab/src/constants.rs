@@ -11,17 +11,6 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Writes the table of constants, docs/reference/constants.md, from the sources.
-#[derive(clap::Args)]
-pub(crate) struct Arguments {
-    /// Write nothing; exit code 1 where the table is stale
-    #[arg(long)]
-    check: bool,
-    /// The project's folder [default: this checkout]
-    #[arg(long, value_name = "DIR")]
-    root: Option<PathBuf>,
-}
-
 /// The name of the result file.
 pub(crate) const RESULT: &str = "constants";
 const PAGE: &str = "docs/reference/constants.md";
@@ -189,7 +178,7 @@ fn page(root: &Path, effects: &BTreeMap<[String; 2], String>) -> Result<String, 
     ))
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+pub(crate) fn run(arguments: &document::Arguments) -> Result<ExitCode, Failure> {
     let root = arguments.root.clone().unwrap_or_else(origin::root);
     let results = root.join(format!("lab/results/{RESULT}.jsonl"));
     let lines = results.is_file().then(|| read(&results)).transpose()?;

@@ -39,7 +39,8 @@ enum Command {
     Compare(compare::Arguments),
     Peers(peers::Arguments),
     Record(record::Arguments),
-    Constants(constants::Arguments),
+    /// Writes the table of constants, docs/reference/constants.md, from the sources
+    Constants(document::Arguments),
     Document(document::Arguments),
     Allocations(allocations::Arguments),
     Closing(closing::Arguments),

@@ -7,13 +7,13 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 use stillpoint::view::report::Column;
 
-/// A picture of a page is kept at one part in so many of its width and height.
+/// Factor by which pictures of pages are reduced before they are kept.
 const KEPT: u32 = 4;
-/// Pictures are compared by the means of blocks of so many kept pixels a side: another version of the browser draws those alike.
+/// Side of the blocks whose means are compared, px of the reduced picture: versions of the browser differ less in these than in pixels.
 const BLOCK: u32 = 6;
-/// Blocks are alike within so many grey levels of 255. Measured: words that moved by a pixel change fewer, a part that is missing changes more.
+/// Difference up to which two blocks are alike, grey levels of 255. Measured: words that move by a pixel change less, a missing part changes more.
 const ALIKE: f64 = 24.0;
-/// Share of the blocks that may differ: another font draws words otherwise.
+/// Share of blocks that may differ: fonts vary.
 const OTHER: f64 = 0.02;
 
 fn size(browser: &mut Browser, [width, height]: [u32; 2], dense: u32) {

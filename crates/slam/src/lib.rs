@@ -19,6 +19,7 @@ mod health;
 mod inertial;
 mod join;
 mod landmark_set;
+mod least_first;
 mod loop_evidence;
 mod looping;
 mod loops;

@@ -21,10 +21,10 @@ use stillpoint_files::write_atomic;
 pub(crate) struct Arguments {
     /// Write nothing; exit code 1 where a document differs from its files
     #[arg(long)]
-    check: bool,
+    pub(crate) check: bool,
     /// The project's folder [default: this checkout]
     #[arg(long, value_name = "DIR")]
-    root: Option<PathBuf>,
+    pub(crate) root: Option<PathBuf>,
 }
 
 /// The folder of the result files that documents show.

@@ -22,7 +22,7 @@ use stillpoint::slam::{
 
 /// Intervals of 90 % hold this share of the truths.
 const BAR: std::ops::RangeInclusive<f64> = 0.85..=0.95;
-/// Motions last so long, s.
+/// Duration of motions, s: that of the field's relative pose errors (Sturm et al. 2012).
 const SECONDS: f64 = 1.0;
 /// All that the figures of `docs/health.md` are of: scenes with their seed.
 const INPUTS: [&str; 13] = [

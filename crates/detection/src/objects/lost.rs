@@ -10,7 +10,7 @@ use super::track::{Body, Track};
 use crate::ClassId;
 use stillpoint_geometry::Vec3;
 
-/// An object that is out of sight is remembered for so long, s: people hide behind others and turn round outside the view for about that time (section 14 of docs/algorithm.md).
+/// Time for which an object out of sight is remembered, s: about as long as people stay behind others or outside of the view (section 14 of docs/algorithm.md).
 const REMEMBERED: f64 = 5.0;
 /// Distance within which an object is the same one at once, m: a step (0.7 m, 1.4 m/s at two a second), and the error of both positions while others hide a part. Measured: 0.9 is no different.
 pub(super) const NEAR: f64 = 0.8;

@@ -51,7 +51,7 @@ impl Place {
         self.last = Some((at - self.lag, stamp));
     }
 
-    /// The object goes on as one that was out of sight, whose way to here nobody saw.
+    /// The object continues one that was out of sight: its way to here was not seen.
     pub(super) fn begin_anew(&mut self) {
         self.anew = true;
     }
@@ -75,6 +75,7 @@ impl Place {
 mod tests {
     use super::*;
 
+    /// Time between frames at 30 Hz, s.
     const FRAME: f64 = 1.0 / 30.0;
 
     /// Where it is reported, frame by frame, and whether it is steady, as the state's position along x changes.

@@ -7,16 +7,16 @@ use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_imaging::FrameId;
 use stillpoint_map::MapView;
 
-/// What a pose of a trajectory is off by, `[translation; rotation]` in the axes of its camera: m^2, m rad, rad^2.
+/// Covariance of a pose of a trajectory, `[translation; rotation]` in the axes of its camera: m^2, m rad, rad^2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseCovariance {
     /// In the map around it.
     pub in_map: Mat6,
-    /// From where the map, or the submap, began.
+    /// Relative to the origin of the map, or of the submap.
     pub from_origin: Mat6,
 }
 
-/// Keeps what each frame was known to in the map around it, a tenth of a kilobyte per frame.
+/// Keeps the covariance of each frame in the map around it: a tenth of a kilobyte per frame.
 #[derive(Clone, Debug, Default)]
 pub struct CovarianceLog(BTreeMap<FrameId, [f32; 21]>);
 
@@ -30,8 +30,8 @@ impl CovarianceLog {
         self.0.insert(frame, triangle);
     }
 
-    /// The covariances of poses of one map. A frame that was never noted, as the one that began the map, is off by as much as the first one that was after it, or else
-    /// the last one before; none where none was.
+    /// The covariances of poses of one map. A frame that was never noted, as the first one, has the covariance of the next frame that was, else of the last one before it; none
+    /// where no frame was noted.
     #[must_use]
     pub fn of(
         &self,

@@ -1,11 +1,11 @@
-//! What the map itself is off by: every keyframe hangs on the one that it was tracked from, and errs with it.
+//! The error of the map itself. A keyframe has the error of the keyframe that it was tracked from, and one of its own.
 //!
-//! The first keyframe of a map is where it is by definition. Whoever sees a part of what it saw is no farther off than their own pose; whoever sees nothing of it has
-//! landmarks that were placed from poses which err, and so on from view to view.
+//! The first keyframe defines the origin of a map, without an error. A pose that shares landmarks with the first keyframe errs by its own measurement only. Farther away,
+//! landmarks were placed from poses that err, and errors add up from view to view.
 
 use super::moved;
+use crate::least_first::Reached;
 use crate::view_angle::view_angle;
-use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 use stillpoint_geometry::nalgebra::ArrayStorage;
 use stillpoint_geometry::{Mat6, Se3};
@@ -16,7 +16,7 @@ use stillpoint_map::{Keyframe, KeyframeId, KeyframeSlot, MapView};
 pub struct MapCovariance {
     /// Of keyframes in the map around them, in the axes of their cameras.
     own: BTreeMap<KeyframeId, Mat6>,
-    /// What keyframes are off by from where the map, or the submap, began.
+    /// Errors of keyframes relative to the origin of the map, or of the submap.
     drift: BTreeMap<KeyframeId, Drift>,
     /// Keyframes that no version has had yet.
     waiting: Vec<KeyframeId>,
@@ -27,7 +27,7 @@ pub struct MapCovariance {
 /// What lies between a keyframe and the one with which its map began.
 #[derive(Clone, Copy, Debug)]
 struct Drift {
-    /// By how many fields of view the views on the way differ, in all.
+    /// Sum of the differences of the views on the way, in fields of view.
     views: f64,
     /// Of a left perturbation of `world_from_camera`.
     covariance: Mat6,
@@ -39,7 +39,7 @@ impl Drift {
         covariance: Mat6::from_array_storage(ArrayStorage([[0.0; 6]; 6])),
     };
 
-    /// At the other end of a tie. With every view that shares nothing with the one before, a map is off by as much again as one of its poses; the first is where it is.
+    /// That at the other end of a tie. Beyond the first view, every view that shares nothing with the one before adds the error of one pose.
     fn after(&self, tie: &Tie) -> Self {
         let views = self.views + tie.views;
         let new = views.max(1.0) - self.views.max(1.0);
@@ -53,32 +53,11 @@ impl Drift {
 /// Between two keyframes.
 struct Tie {
     ends: [KeyframeId; 2],
-    /// By how many fields of view they differ.
+    /// Difference of their views, in fields of view.
     views: f64,
-    /// What the newer one is off by in the map around it, for a left perturbation in the world.
+    /// Covariance of the newer one in the map around it, for a left perturbation in the world.
     own: Mat6,
 }
-
-/// A keyframe on its way through the queue; the one that has least in between comes first, ties by number.
-struct Reached(KeyframeId, Drift);
-
-impl Ord for Reached {
-    fn cmp(&self, other: &Self) -> Ordering {
-        let by_views = other.1.views.total_cmp(&self.1.views);
-        by_views.then(other.0.cmp(&self.0))
-    }
-}
-impl PartialOrd for Reached {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl PartialEq for Reached {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-impl Eq for Reached {}
 
 impl MapCovariance {
     /// That of a whole map, by the covariances of its keyframes in the map around them.
@@ -100,7 +79,7 @@ impl MapCovariance {
         self.waiting.push(keyframe);
     }
 
-    /// Takes a version of the map: keyframes that are new hang on those that they were tracked from. After a loop all do on the least that is in between.
+    /// Takes a version of the map. New keyframes get the error of the keyframes that they were tracked from; after a loop all keyframes get that along the least way.
     pub fn follow(&mut self, view: &MapView) {
         let loops = view.loops().count();
         if loops != self.loops {
@@ -124,7 +103,7 @@ impl MapCovariance {
         }
     }
 
-    /// Covariance of what the map is off by at a pose that was measured from a keyframe, in the axes of the camera there.
+    /// Covariance of the map's error at a pose that was measured from a keyframe, in the axes of the camera there.
     #[must_use]
     pub fn at(&self, view: &MapView, reference: KeyframeId, world_from_camera: &Se3) -> Mat6 {
         let live = view.resolve_keyframe(reference);
@@ -165,7 +144,7 @@ impl MapCovariance {
         }
     }
 
-    /// Those of keyframes and the ones that they were tracked from, and of loops: a place that was recognised is one measurement.
+    /// The ties of keyframes to those that they were tracked from, and of loops: a place that was recognised is one measurement.
     fn ties(&self, view: &MapView) -> Vec<Tie> {
         let parents = view.keyframes().filter_map(|k| self.tie_to_parent(view, k));
         let loops = view.loops().filter_map(|edge| {
@@ -176,7 +155,7 @@ impl MapCovariance {
         parents.chain(loops).collect()
     }
 
-    /// What lies between each keyframe and the first one of all that it hangs together with.
+    /// Of each keyframe, the drift along the least way from the first keyframe of its component.
     fn least(&self, view: &MapView) -> BTreeMap<KeyframeId, Drift> {
         let ties = self.ties(view);
         let mut of_end: BTreeMap<KeyframeId, Vec<usize>> = BTreeMap::new();
@@ -187,8 +166,18 @@ impl MapCovariance {
         }
         let mut found = BTreeMap::new();
         for first in view.keyframes().map(|k| k.id) {
-            let mut queue = BinaryHeap::from([Reached(first, Drift::NONE)]);
-            while let Some(Reached(id, drift)) = queue.pop() {
+            let reached = |node, drift: Drift| Reached {
+                cost: drift.views,
+                node,
+                value: drift,
+            };
+            let mut queue = BinaryHeap::from([reached(first, Drift::NONE)]);
+            while let Some(Reached {
+                node: id,
+                value: drift,
+                ..
+            }) = queue.pop()
+            {
                 if found.contains_key(&id) {
                     continue;
                 }
@@ -200,7 +189,7 @@ impl MapCovariance {
                         tie.ends[0]
                     };
                     if !found.contains_key(&next) {
-                        queue.push(Reached(next, drift.after(tie)));
+                        queue.push(reached(next, drift.after(tie)));
                     }
                 }
             }

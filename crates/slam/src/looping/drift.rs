@@ -6,7 +6,7 @@
 use super::nodes::Nodes;
 use super::shared;
 use crate::covariance::moved;
-use std::cmp::Ordering;
+use crate::least_first::Reached;
 use std::collections::BinaryHeap;
 use stillpoint_estimation::{EdgeKernel, pose_covariance};
 use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
@@ -44,26 +44,6 @@ pub(super) struct Drift<'a> {
     /// How far the nodes lie from their middle (root mean square), m.
     pub(super) spread: f64,
 }
-
-/// A node on its way through the queue; the least uncertain comes first, ties by number.
-struct Reached(f64, u32);
-
-impl Ord for Reached {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.0.total_cmp(&self.0).then(other.1.cmp(&self.1))
-    }
-}
-impl PartialOrd for Reached {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl PartialEq for Reached {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-impl Eq for Reached {}
 
 impl<'a> Drift<'a> {
     /// The ties between neighbours, and those of loops that were closed before.
@@ -115,9 +95,14 @@ impl<'a> Drift<'a> {
         let count = self.nodes.keyframes.len();
         let mut best = vec![f64::INFINITY; count];
         let mut from = vec![u32::MAX; count];
-        let mut queue = BinaryHeap::from([Reached(0.0, a)]);
+        let reached = |cost, node| Reached {
+            cost,
+            node,
+            value: (),
+        };
+        let mut queue = BinaryHeap::from([reached(0.0, a)]);
         best[a as usize] = 0.0;
-        while let Some(Reached(cost, node)) = queue.pop() {
+        while let Some(Reached { cost, node, .. }) = queue.pop() {
             if node == b {
                 break;
             }
@@ -131,7 +116,7 @@ impl<'a> Drift<'a> {
                 if cost < best[next as usize] {
                     best[next as usize] = cost;
                     from[next as usize] = *i;
-                    queue.push(Reached(cost, next));
+                    queue.push(reached(cost, next));
                 }
             }
         }

@@ -1,7 +1,28 @@
 //! How poses are tracked.
 
+use super::keyframe::KeyframeConfig;
+use crate::sensor::SensorConfig;
+use crate::static_filter::FilterSetup;
 use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
+use stillpoint_features::OrbConfig;
+
+/// What of the configuration concerns the tracker: made from a [`Config`](crate::Config).
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackerSetup {
+    /// How poses are tracked.
+    pub tracking: TrackingConfig,
+    /// When a frame becomes a keyframe.
+    pub keyframes: KeyframeConfig,
+    /// How features are extracted.
+    pub features: OrbConfig,
+    /// The depth sensor's range and noise.
+    pub sensor: SensorConfig,
+    /// What moves.
+    pub filter: FilterSetup,
+    /// Seed of every random choice.
+    pub seed: u64,
+}
 
 /// How poses are tracked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -37,7 +37,7 @@ mod statistics;
 mod vote;
 
 pub(crate) use config::MIN_INITIAL_POINTS;
-pub use config::TrackingConfig;
+pub use config::{TrackerSetup, TrackingConfig};
 pub use keyframe::KeyframeConfig;
 pub(crate) use mirror::TurningPoint;
 
@@ -48,8 +48,7 @@ use crate::messages::{Exposure, NewKeyframe, Tracked};
 use crate::odometry::Odometry;
 use crate::pace::Pace;
 use crate::report::{FrameCounts, LostReason};
-use crate::sensor::SensorConfig;
-use crate::static_filter::{FilterSetup, Judgement, StaticFilter};
+use crate::static_filter::{Judgement, StaticFilter};
 use crate::trajectory::Trajectory;
 use carry::Carried;
 use ego_motion::EgoMotion;
@@ -63,28 +62,10 @@ use self_calibration::RowPair;
 use state::State;
 use statistics::Sightings;
 use std::sync::Arc;
-use stillpoint_features::OrbConfig;
 use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd, Standstill, Still, StillWatch, Workers};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, SubmapId};
 use vote::Vote;
-
-/// What of the configuration concerns the tracker: made from a [`Config`](crate::Config).
-#[derive(Clone, Debug, PartialEq)]
-pub struct TrackerSetup {
-    /// How poses are tracked.
-    pub tracking: TrackingConfig,
-    /// When a frame becomes a keyframe.
-    pub keyframes: KeyframeConfig,
-    /// How features are extracted.
-    pub features: OrbConfig,
-    /// The depth sensor's range and noise.
-    pub sensor: SensorConfig,
-    /// What moves.
-    pub filter: FilterSetup,
-    /// Seed of every random choice.
-    pub seed: u64,
-}
 
 /// Tracks the camera, frame by frame.
 pub struct Tracker {
