@@ -28,17 +28,13 @@ const GATE_SIGMAS: f64 = 5.0;
 const POSE_FACTOR: f64 = 1.5;
 /// ... and by so much more per pixel by which the shutter's unsteadiness moves rows that are a quarter of the image away from its middle.
 const UNSTEADY_FACTOR: f64 = 2.5;
-/// The same of votes of the flow.
-const VOTE_FACTOR: f64 = 1.5;
-/// ... and by so much more, both of them, times the share of what is seen that moves: the more people are about, the more of them pass for the room, and
+/// ... and by so much more times the share of what is seen that moves: the more people are about, the more of them pass for the room, and
 /// all of one person errs alike from frame to frame.
 const CROWD_FACTOR: f64 = 5.0;
 /// Where no more of what is seen moves ...
 const CALM_SHARE: f64 = 0.35;
 /// ... and the shutter moves rows by no more than this, px, poses tell how the camera is accelerated.
 const CALM_PX: f64 = 0.5;
-/// A vote is not judged by less, m.
-const LEAST_SHIFT: f64 = 0.005;
 /// Nobody is about when a map is begun where no more than a tenth moves for so long, s.
 const QUIET: f64 = 0.5;
 
@@ -61,9 +57,7 @@ pub(super) struct Momentum {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Expected {
     /// By how much it has moved on, in the map, m.
-    pub(super) shift: Vec3,
-    /// Covariance of `shift`, m^2.
-    pub(super) moved: Mat3,
+    shift: Vec3,
     /// Its momentum, unless its place tells more.
     momentum: Momentum,
     /// s.
@@ -90,7 +84,6 @@ impl Momentum {
         let moved = self.spread * (dt * dt) + noise(0.25 * dt * dt);
         Expected {
             shift: self.velocity * dt,
-            moved,
             momentum: Self {
                 velocity: self.velocity,
                 place: self.place + (self.cross + self.cross.transpose()) * dt + moved,
@@ -243,31 +236,6 @@ impl Tracker {
         }
         let crowd = CROWD_FACTOR * self.moving_share;
         crowd * crowd
-    }
-
-    /// What it says of the motion from this frame to the last one, as the vote of the flow sees it: nothing on a way back, whose votes are to find out who moves.
-    pub(super) fn known_shift(&self) -> Option<KnownPlace> {
-        let last = self.state.tracked().filter(|_| !self.goes_back)?;
-        let (_, expected) = self.expected().filter(|_| !self.wheels_tell())?;
-        let r = last.world_from_camera.rotation_matrix().transpose();
-        let information = expected.moved.try_inverse()?;
-        let factor = VOTE_FACTOR * VOTE_FACTOR + self.crowd_factor();
-        Some(KnownPlace {
-            in_a: Vec3::zeros(),
-            in_b: r * expected.shift,
-            information: r * information * r.transpose() * factor,
-        })
-    }
-
-    /// The shift from this frame to the last one, in coordinates of that, and how well it is known, m, one standard deviation along each axis; none while the
-    /// momentum may be somebody else's, nor on a way back.
-    pub(super) fn expected_shift(&self) -> Option<(Vec3, f64)> {
-        let knows = !self.goes_back && self.knows_momentum();
-        let last = self.state.tracked().filter(|_| knows)?;
-        let (_, expected) = self.expected()?;
-        let sigma = libm::sqrt(expected.moved.trace() / 3.0).max(LEAST_SHIFT);
-        let r = last.world_from_camera.rotation_matrix().transpose();
-        Some((r * expected.shift, sigma))
     }
 
     /// The camera's motion once a pose is taken, with its momentum; without `information` of its matches nothing new is known of that.

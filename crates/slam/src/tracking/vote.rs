@@ -134,7 +134,6 @@ impl Tracker {
         }
         let options = MotionOptions {
             peak: if exact { PEAK } else { 0.0 },
-            place: self.known_shift(),
             ..MotionOptions::default()
         };
         let (address, camera) = (u64::from(frame.id.0), Intrinsics::from(&data.camera));
@@ -196,25 +195,20 @@ impl Tracker {
         filled && self.rules(known)
     }
 
-    /// What is expected of the motion: what wheels say, or how the camera's momentum carries it on, or a constant velocity.
+    /// What is expected of the motion: what wheels say, or a constant velocity.
     fn prior(&self, world_from_last: &Se3, predicted: &Se3, known: Option<&Known>) -> MotionPrior {
         let wheels = known
             .filter(|k| k.confirmed)
             .and_then(|k| Some((k, k.shift?)));
-        let mut b_from_a = world_from_last.inverse() * predicted.inverse();
-        let (sigma_m, sigma_rad) = match (wheels, self.expected_shift()) {
-            (Some((known, shift)), _) => (
+        let (sigma_m, sigma_rad) = match wheels {
+            Some((known, shift)) => (
                 shift.sigma.max(WHEELED_SIGMA_M),
                 known.turn.sigma.max(WHEELED_SIGMA_RAD),
             ),
-            (None, Some((shift, sigma))) => {
-                b_from_a.translation = shift;
-                (sigma, PRIOR_SIGMA_RAD)
-            }
-            (None, None) => (PRIOR_SIGMA_M, PRIOR_SIGMA_RAD),
+            None => (PRIOR_SIGMA_M, PRIOR_SIGMA_RAD),
         };
         MotionPrior {
-            b_from_a,
+            b_from_a: world_from_last.inverse() * predicted.inverse(),
             sigma_m,
             sigma_rad,
         }
