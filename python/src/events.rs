@@ -1,4 +1,4 @@
-//! What happens in a run, one thing after the other, for whoever asks.
+//! What happens in a run, one thing after the other, for code that asks.
 
 use crate::frame::Frame;
 use pyo3::exceptions::PyStopIteration;

@@ -300,7 +300,7 @@ impl Verdicts {
     }
 }
 
-/// How well things stand at a frame, for whoever relies on the pose.
+/// How well things stand at a frame, for users who rely on the pose.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Health {
     standing: Standing,

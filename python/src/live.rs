@@ -36,13 +36,13 @@ pub(crate) struct Live {
     kept: Option<Arc<Mutex<ResultRecorder>>>,
     /// Once it is over.
     result: Option<LiveResult>,
-    /// Whether it is, for whoever listens.
+    /// Whether the run is over, for those who listen.
     over: Arc<AtomicBool>,
 }
 
 impl Drop for Live {
     fn drop(&mut self) {
-        // Whoever still listens to a run that nobody finished waits for nothing.
+        // Nothing more comes of a run that nobody finished: those who still listen wait no longer.
         self.over.store(true, Ordering::Release);
     }
 }

@@ -20,7 +20,7 @@ pub(crate) struct About {
     pub(crate) keyframes: usize,
 }
 
-/// What whoever reads the recording knows of the run.
+/// What the reader of the recording knows of the run.
 pub(crate) struct Read<'a> {
     /// What was run on, its layout, and where the camera comes from.
     pub(crate) input: [String; 3],

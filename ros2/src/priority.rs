@@ -1,4 +1,4 @@
-//! Priorities of threads: whoever does not track gives way to tracking, as in live runs of the command line.
+//! Priorities of threads: threads that do not track give way to tracking, as in live runs of the command line.
 
 use std::cell::Cell;
 use stillpoint::live::Stage;

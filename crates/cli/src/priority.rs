@@ -1,4 +1,4 @@
-//! Priorities of threads: whoever does not track gives way to tracking.
+//! Priorities of threads: threads that do not track give way to tracking.
 
 use stillpoint::live::Stage;
 
@@ -26,7 +26,7 @@ pub(crate) fn lower(stage: Stage) {
 fn lower_by(by: i32) {
     use rustix::process::{getpriority_process, setpriority_process};
     let thread = Some(rustix::thread::gettid());
-    // What is lowered already, by whoever started the program, is lowered further. A system that does not allow even that runs all
+    // A thread that the user lowered already is lowered further. A system that does not allow even that runs all
     // threads alike, as without this.
     if let Ok(before) = getpriority_process(thread) {
         let _ = setpriority_process(thread, (before + by).min(19));

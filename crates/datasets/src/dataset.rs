@@ -14,9 +14,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use stillpoint_imaging::{ImuSample, OdometrySample};
 
-/// How what is said of an inertial sensor begins.
+/// Beginning of what is said of an inertial sensor.
 const INERTIAL: &str = "inertial sensor";
-/// ... and of odometry.
+/// Beginning of what is said of odometry.
 const ODOMETRY: &str = "odometry";
 
 /// How to open a data set; the default guesses everything.

@@ -18,9 +18,9 @@ const LEAST: usize = 20;
 const TELLING: f64 = 0.01;
 /// A mount is off from here on, rad: 6 degrees.
 const OFF: f64 = 0.105;
-/// ... and it may be the turns that are, from here on.
+/// Where a mount is off by more than this, the turns may be to the wrong side instead, rad.
 const UPSIDE_DOWN: f64 = 2.6;
-/// So is a clock, s.
+/// A clock is off from here on, s.
 const LATE_S: f64 = 0.04;
 /// What is left of the motions, as a share, where the base moves as the camera does, however that is mounted.
 const ALIKE: f64 = 0.5;

@@ -71,7 +71,7 @@ pub trait FrameSource: Send {
     fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>>;
 
     /// What an inertial sensor measured since the last call, in order of time: up to the newest frame that was given, and where there is one the
-    /// first sample after it. To be asked after each frame; whoever passes frames on passes this on.
+    /// first sample after it. To be asked after each frame; a source that passes frames on passes this on.
     fn take_inertial(&mut self) -> Vec<ImuSample> {
         Vec::new()
     }

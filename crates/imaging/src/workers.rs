@@ -1,7 +1,7 @@
 //! Threads that share the work on one image.
 //!
-//! Answers: who else lends a hand. Work is divided by places, never by time: every part is done exactly once, by whoever comes to it, and
-//! results are put together in the order of the parts. So how many threads there are, and whether there are any, changes the time and nothing
+//! Answers: who else lends a hand. Work is divided by places, never by time: every part is done exactly once, by the thread that comes to it first,
+//! and results are put together in the order of the parts. So how many threads there are, and whether there are any, changes the time and nothing
 //! else. What runs outside [`Workers::run`] runs alone.
 
 use rayon_core::{ThreadPool, ThreadPoolBuilder};
@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub struct Workers(Option<Arc<ThreadPool>>);
 
 impl Workers {
-    /// So many threads, named `worker`; with fewer than two, whoever has work does it alone. They have the priority of the thread that makes them.
+    /// So many threads, named `worker`; with fewer than two, the thread that has work does it alone. They have the priority of the thread that makes them.
     ///
     /// # Errors
     /// What the operating system says when it has no more threads.
@@ -37,7 +37,7 @@ impl Workers {
     }
 }
 
-/// Whether this thread is one of [`Workers`]: what it does, it does for whoever waits in [`Workers::run`].
+/// Whether this thread is one of [`Workers`]: what it does, it does for a thread that waits in [`Workers::run`].
 #[must_use]
 pub fn is_one() -> bool {
     rayon_core::current_thread_index().is_some()

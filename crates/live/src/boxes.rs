@@ -15,7 +15,7 @@ use stillpoint_map::{Correction, KeyframeId, Map, MapView};
 use stillpoint_place::PlaceIndex;
 use stillpoint_slam::{LoopCloserMsg, Loops, MapperMsg, Trajectory, TrajectoryEntry};
 
-/// Messages that wait for one stage, at most; then whoever has another one waits. More than a stage that keeps up ever sees,
+/// Messages that wait for one stage, at most; then the sender of another one waits. More than a stage that keeps up ever sees,
 /// and little enough for a machine's memory.
 pub(crate) const QUEUE: usize = 64;
 /// Samples of the inertial sensor that wait for tracking, at most: of eight seconds at 4 kHz.
@@ -37,9 +37,9 @@ pub(crate) struct Boxes {
     pub(crate) view: Mailbox<Arc<MapView>>,
     /// All loop candidates so far.
     pub(crate) loops: Mailbox<Loops>,
-    /// Frames tracked since somebody asked for the trajectory: tracking only ever adds to a short list ...
+    /// Frames tracked since somebody asked for the trajectory: a short list, so that tracking does not have to wait for a long one.
     pub(crate) tracked: Mailbox<NewEntries>,
-    /// ... and whoever asks brings them here, where it does not have to wait for a long one.
+    /// The trajectory as far as somebody asked for it: a thread that asks brings the frames of `tracked` here first.
     trajectory: Mailbox<Trajectory>,
     /// Frames that were tracked.
     pub(crate) frames: AtomicU64,

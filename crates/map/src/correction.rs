@@ -22,7 +22,7 @@ impl PoseCorrection {
         self.after * self.before.inverse()
     }
 
-    /// The corrected pose of this keyframe when it is at `now`. Whoever moved it since is not overruled: the shift comes on top.
+    /// The corrected pose of this keyframe when it is at `now`. Where it was moved since, that move is kept and the shift comes on top.
     fn corrected(&self, now: &Se3) -> Se3 {
         if self.before == self.after {
             *now
@@ -54,9 +54,9 @@ pub struct Join {
     pub submap: SubmapId,
     /// The submap that stays, with its frame of reference.
     pub into: SubmapId,
-    /// The keyframe of the first by which they were recognised as one. It becomes the root of its submap's tree ...
+    /// The keyframe of the first submap by which both were recognised as one. It becomes the root of its submap's tree.
     pub child: KeyframeId,
-    /// ... and a child of this keyframe of the second.
+    /// The keyframe of the second submap that becomes the parent of `child`.
     pub parent: KeyframeId,
     /// Maps the first submap's frame of reference to the second's, for keyframes that the correction does not reach otherwise.
     pub shift: Se3,

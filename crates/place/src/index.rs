@@ -6,9 +6,9 @@ use crate::{
 };
 use std::sync::Arc;
 
-/// For each match that is asked for, this many keyframes that have most words in common are compared feature by feature...
+/// For each match that is asked for, this many of the keyframes that have most words in common are compared feature by feature.
 const SHORTLIST_FACTOR: usize = 4;
-/// ... but at least this many.
+/// Least number of keyframes that are compared feature by feature.
 const SHORTLIST: usize = 40;
 
 /// Keyframes by what they look like. `K` is whatever the caller names them by.

@@ -17,7 +17,7 @@ const FARTHEST_US: i64 = 20_000;
 const TWICE_US: i64 = 10;
 /// How often a camera that is gone is looked for.
 const LOOK: Duration = Duration::from_millis(500);
-/// How often that is done until it is told again; whoever wants to stop is heard in between.
+/// How many times a camera that is gone is looked for before an error says so again: a request to stop is heard in between.
 const LOOKS: usize = 6;
 
 /// The frames.

@@ -13,9 +13,10 @@ use stillpoint_map::{MapView, SubmapId};
 use stillpoint_ros_messages as ros;
 use stillpoint_slam::{Event, FrameEvent, Health, LoopOutcome, Outcome};
 
-/// Path and map are published once in so many seconds at most ...
+/// Path and map are published once in this time at most, s.
 const EVERY: f64 = 1.0;
-/// ... and once in so much of the time since the first frame, so that a long run takes no more than some twenty times its last map.
+/// Path and map are published once in this share of the time since the first frame at most, so that a long run takes no more than some
+/// twenty times its last map.
 const EVERY_SHARE: f64 = 0.05;
 /// Variance of what the measurements leave open, m^2 or rad^2.
 const OPEN: f64 = 1e6;

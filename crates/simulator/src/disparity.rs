@@ -20,17 +20,17 @@ pub enum DepthModel {
     StructuredLight,
 }
 
-/// Standard deviation of a disparity that pixels have on their own, px ...
+/// Standard deviation of the error of disparity that each pixel has on its own, px.
 const OWN: f32 = 0.04;
-/// ... and that they share with their neighbours: together 4 cm at 5 m for 40 px m.
+/// Standard deviation of the error of disparity that neighbouring pixels share, px: with `OWN` it makes 4 cm at 5 m for 40 px m.
 const SHARED: f32 = 0.05;
-/// Standard deviation of the fixed pattern of disparities, px, ...
+/// Standard deviation of the fixed pattern of disparities, px.
 const PATTERN: f32 = 0.04;
-/// ... and the side of its cells in cells of [`Patches`].
+/// Side of a cell of the fixed pattern of disparities, in cells of [`Patches`].
 const PATTERN_CELL: usize = 12;
-/// Faces are not measured beyond this angle to the line of sight, rad (78 degrees), ...
+/// Faces are not measured where their normal is beyond this angle to the line of sight, rad (78 degrees).
 const ASLANT: f32 = 1.36;
-/// ... give or take this from patch to patch, rad.
+/// The largest angle at which faces are measured differs by about this from patch to patch, rad.
 const ASLANT_SPREAD: f32 = 0.07;
 
 /// The patches of luck of one image.

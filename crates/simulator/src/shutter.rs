@@ -52,9 +52,9 @@ impl Shutter {
     }
 }
 
-/// Between two exposures that are averaged what is seen moves by less than this, px ...
+/// What is seen moves by less than this between two exposures that are averaged, px.
 const BLUR_STEP: f64 = 2.0;
-/// ... unless it takes more exposures than this.
+/// No more exposures than this are averaged: what is too fast moves by more than `BLUR_STEP` between two of them.
 const MOST_EXPOSURES: usize = 12;
 /// What is nearest in sight, for the bound on how far it moves in the image, m.
 const NEAREST: f64 = 0.7;

@@ -1,4 +1,4 @@
-//! Images that are kept: rendered once, whoever asks, and the same as without.
+//! Images that are kept: rendered once for all processes, and the same as without.
 
 use std::fs;
 use std::path::Path;

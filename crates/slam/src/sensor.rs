@@ -88,11 +88,11 @@ pub struct DepthNoise {
     scale: f64,
 }
 
-/// Noise of a Kinect at the distance where it is least, m ...
+/// Noise of a Kinect at the distance where it is least, m.
 const LEAST_SIGMA: f64 = 0.0012;
-/// ... which is this, m ...
+/// Distance at which the noise of a Kinect is least, m.
 const LEAST_AT: f64 = 0.4;
-/// ... and its growth beyond, 1/m.
+/// Growth of the noise of a Kinect with the square of the distance beyond [`LEAST_AT`], 1/m.
 const SIGMA_GROWTH: f64 = 0.0019;
 
 impl Default for DepthNoise {

@@ -6,19 +6,19 @@
 
 use stillpoint_geometry::{Se3, Vec3, so3};
 
-/// Accelerations that nobody needs to prove, about each axis, m/s^2: those of a camera that is held still ...
+/// Least acceleration that is assumed along each axis, m/s^2: that of a camera that is held still.
 const USUAL: f64 = 1.0;
-/// ... and rad/s^2.
+/// Least angular acceleration that is assumed about each axis, rad/s^2: that of a camera that is held still.
 const USUAL_TURNING: f64 = 5.0;
 /// Accelerations are taken over so long to either side, s: longer than poses jitter, shorter than a hand moves to and fro.
 const LAG: f64 = 0.1;
 /// No pose is better than this, m and rad.
 const FLOOR: f64 = 1e-4;
-/// What is so near to either side tells how much a pose errs, and how the camera accelerates, s ...
+/// Time to either side of a pose whose frames tell how much the pose errs and how the camera accelerates, s.
 const REACH: f64 = 0.3;
-/// ... and as many frames at least.
+/// Least number of frames to either side of a pose that tell how much it errs and how the camera accelerates.
 const REACH_FRAMES: usize = 8;
-/// Fewer frames in a row tell neither.
+/// Fewer frames in a row tell neither how much poses err nor how the camera accelerates.
 const LEAST: usize = 9;
 /// The median of the norm of three normal numbers of deviation 1.
 const MEDIAN_OF_NORM: f64 = 1.538;

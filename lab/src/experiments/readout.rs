@@ -14,11 +14,11 @@ use stillpoint::slam::{Config, Event, Preset, System};
 const READOUTS: [f64; 3] = [0.0, 0.01, 0.02];
 /// All turns of the simulator's rpy paths.
 const SCENES: [&str; 4] = ["rpy", "rpy_60", "rpy_100", "rpy_150"];
-/// The median of the estimated readouts may be off by this, s ...
+/// The median of the estimated readouts may be off by this, s.
 const BIAS: f64 = 3e-3;
-/// ... the filter may reject this share of what stands still ...
+/// The filter may reject this share of what stands still.
 const REJECTED: f64 = 0.02;
-/// ... and cost this factor of the error without it.
+/// The error with the filter may be this factor of the error without it.
 const COST: f64 = 1.03;
 
 /// What is estimated of a rolling shutter, and what the static filter costs where nothing moves.

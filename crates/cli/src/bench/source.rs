@@ -29,7 +29,7 @@ impl Source {
     pub(crate) fn of(path: &Path) -> Result<Self, Failure> {
         let scene = path.to_str().and_then(|p| p.strip_prefix(PREFIX));
         match scene {
-            // A folder of such a name can be written as ./sim:...
+            // A folder of such a name can be written with ./ before it.
             Some(scene) => {
                 // Building one frame's worth of a scene is the check that its name is one.
                 let config = SimulatorConfig {

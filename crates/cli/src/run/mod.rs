@@ -174,7 +174,7 @@ fn every(n: u32) -> String {
 }
 
 /// The detector. What runs it in a live run gives way to tracking: so do the threads that a network brings, which have the priority
-/// of whoever starts them.
+/// of the thread that starts them.
 fn load_detector(
     args: &RunArgs,
     settled: &Settled,

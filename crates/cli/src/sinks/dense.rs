@@ -16,9 +16,9 @@ use stillpoint::live::Watch;
 use stillpoint::map::MapView;
 use stillpoint::slam::{Event, Subscriber};
 
-/// Between two looks at the surface of a run that goes on, at least ...
+/// Least time between two looks at the surface of a run that goes on.
 const SHOWN: Duration = Duration::from_secs(3);
-/// ... and so many times as long as one takes: 5 % of a core at most.
+/// Least time between two looks at the surface, as a multiple of the time that one takes: looks take 5 % of a core at most.
 const SHOWN_SHARE: u32 = 20;
 
 /// What is asked for.

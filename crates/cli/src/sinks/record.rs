@@ -91,7 +91,7 @@ impl SharedRecorder {
 enum RecordingFile {
     /// A file of its own.
     Own(Box<MessageFile>),
-    /// One that a camera writes to too, and that whoever opened it finishes.
+    /// A file that a camera writes to as well; the code that opened it finishes it.
     Shared(SharedRecorder),
 }
 

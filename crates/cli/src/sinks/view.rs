@@ -26,9 +26,9 @@ const VIEW: &str = "view";
 const SHOWN: usize = 128;
 /// Between two pictures: less than between two updates of a page, so that each finds a fresh one.
 const PICTURE: Duration = Duration::from_millis(60);
-/// Between two looks at the map, at least ...
+/// Least time between two looks at the map.
 const MAP: Duration = Duration::from_millis(500);
-/// ... and so many times as long as one takes: 5 % of a core at most.
+/// Least time between two looks at the map, as a multiple of the time that one takes: looks take 5 % of a core at most.
 const MAP_SHARE: u32 = 20;
 
 /// Between two questions how the threads are: those that are asked hold still for a moment.
@@ -245,7 +245,7 @@ impl Sink for PageView {
         }
         Some(Subscription {
             name: VIEW,
-            // Whoever looks wants to see what is now; no frame waits for that, even where none is dropped.
+            // A person who looks wants to see what is now; no frame waits for that, even where none is dropped.
             delivery: Delivery::newest(SHOWN).with_images(PICTURES, 2),
         })
     }

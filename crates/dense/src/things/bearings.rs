@@ -19,10 +19,11 @@ const ROUND: f64 = 1.2;
 const LEAST_LOOKS: usize = 4;
 /// Borders that say something, at least.
 const LEAST_BORDERS: usize = 6;
-/// Borders of detected boxes are off by this, px; ...
+/// Borders of detected boxes are off by this, px.
 const JITTER: f64 = 6.0;
-/// ... those that are off by more than `WRONG` px are wrong, and at most this share of them may be.
+/// Borders that are off by more than this are wrong, px.
 const WRONG: f64 = 2.0 * JITTER;
+/// At most this share of the borders may be wrong.
 const MOST_WRONG: f64 = 0.25;
 /// How surely its place has to be known: standard deviation, m.
 const CERTAIN: f64 = 0.15;

@@ -15,25 +15,26 @@ use std::collections::BTreeMap;
 use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 
-/// A point is outside of a box when it is this far outside, px, ...
+/// A point is outside of a box when it is beyond a margin around it. This part of the margin is the same for all boxes, px.
 const MARGIN: f32 = 4.0;
-/// ... and this share of the box's size: detected boxes jitter.
+/// The margin around a box grows by this share of the box's size: detected boxes jitter.
 const MARGIN_SHARE: f32 = 0.06;
 /// Share of the boxes that a point may be outside of.
 const MOST_OUTSIDE: f64 = 0.25;
-/// ... and of those that it has to be in.
+/// Share of the boxes that a point has to be in.
 const LEAST_WITHIN: f64 = 0.15;
 /// What is lower above the floor is the floor, m.
 const SOLE: f64 = 0.05;
-/// Points that are nearer to each other are of one piece: cells, and at least so many m.
+/// Points that are nearer to each other than so many cells are of one piece.
 const LINK_CELLS: f64 = 2.5;
-/// ... and points of the small image, across and along the line of sight: surfaces are seen under up to 70 degrees.
+/// Points that are nearer to each other than so many points of the small image, across and along the line of sight, are of one piece:
+/// surfaces are seen under up to 70 degrees.
 const LINK_POINTS: [f64; 2] = [1.7, 2.5];
 /// What the share of a box that is filled counts beside how well its borders are met.
 const FILL: f64 = 0.25;
 /// A further piece has to make the borders better by this.
 const GAIN: f64 = 0.02;
-/// ... and be nearer than this share of the size of what was chosen.
+/// A further piece has to be nearer than this share of the size of what was chosen.
 const GAP: f64 = 0.4;
 
 /// What is at the depth that the tracker took for its object is taken, where it meets the borders no worse than by this.

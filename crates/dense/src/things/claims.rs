@@ -11,9 +11,9 @@ use stillpoint_map::SubmapId;
 
 /// Side of the cells in which points are claimed, m.
 const CELL: f64 = 0.05;
-/// Surfaces that meet the borders of their boxes by less claim nothing, ...
+/// Surfaces that meet the borders of their boxes less well than this claim nothing.
 const LEAST_FIT: f64 = 0.6;
-/// ... nor do those that were found in fewer looks.
+/// Surfaces that were found in fewer looks claim nothing.
 const LEAST_LOOKS: usize = 4;
 
 /// Who claims something.

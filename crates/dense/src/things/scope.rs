@@ -20,9 +20,9 @@ const LONGEST: [(&str, f64); 9] = [
 ];
 /// What is seen along its length at times.
 const LONG: [&str; 4] = ["bench", "couch", "bed", "dining table"];
-/// How many times farther back than its box is wide or high a thing reaches, ...
+/// How far back a thing reaches at most, as a multiple of how wide or high its box is.
 const DEEP: f64 = 1.5;
-/// ... and where it is seen along its length.
+/// How far back a thing of [`LONG`] reaches at most, as a multiple of how wide or high its box is.
 const DEEP_IF_LONG: f64 = 3.0;
 /// From the longest side to the diagonal.
 const DIAGONAL: f64 = 1.2;

@@ -1,4 +1,4 @@
-//! Whoever listens to a live run: a queue for each, and a thread for those that want one.
+//! Listeners of a live run: a queue for each, and a thread for those that want one.
 //!
 //! Answers: how events reach subscribers without any stage ever waiting for one. A stage puts an event into every queue and goes on; what
 //! finds no room there is left out by the rule that the subscriber chose, and counted.
@@ -35,7 +35,7 @@ enum Rule {
 
 impl Delivery {
     /// Every event in order, as long as no more than so many wait (at least 1); those that find no room are left out. Without images.
-    /// For whoever counts or writes: at 30 Hz 4096 are about a minute.
+    /// For listeners that count or write: at 30 Hz 4096 are about a minute.
     #[must_use]
     pub fn until_full(events: usize) -> Self {
         Self {
@@ -46,8 +46,8 @@ impl Delivery {
         }
     }
 
-    /// Of each kind of event the newest, so many at most (at least 1): older ones give way. Without images. For whoever shows what is
-    /// now.
+    /// Of each kind of event the newest, so many at most (at least 1): older ones give way. Without images. For listeners that show what
+    /// is now.
     #[must_use]
     pub fn newest(events: usize) -> Self {
         Self {
@@ -246,7 +246,7 @@ impl Audience {
     }
 }
 
-/// Events of a live run as they happen, for whoever asks for them. Ends when the run does; dropping it ends it as well.
+/// Events of a live run as they happen, for callers that ask for them. Ends when the run does; dropping it ends it as well.
 pub struct Events {
     queue: Queue,
 }

@@ -153,7 +153,7 @@ fn a_run_with_a_correction_is_replayed_and_says_what_moved() {
     assert_replayed(late, &received, stages(1000), &frames);
 }
 
-/// Whoever listens needs nothing else: images, reports, health and maps come with the events.
+/// A listener needs nothing else: images, reports, health and maps come with the events.
 #[test]
 fn events_are_complete() {
     let system = System::from(world::stages()).with_detector(scripted());

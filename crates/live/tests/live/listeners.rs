@@ -1,4 +1,4 @@
-//! Whoever listens to a live run: what reaches them, what is left out, and that nobody waits for them.
+//! Listeners of a live run: what reaches them, what is left out, and that nobody waits for them.
 
 use super::world::{Checked, Frames, frames, replay, scripted, stages, within};
 use std::sync::mpsc::{Receiver, Sender, channel};

@@ -263,9 +263,9 @@ fn fetcher() -> Script {
     ([1.9, y, std::f64::consts::PI], stages)
 }
 
-/// The line of the nearer one of a crowd, m: 0.9 m before the camera ...
+/// The y of the line that the nearer one of a crowd walks along, m: 0.9 m before the camera.
 const NEAR_LINE: f64 = -1.15;
-/// ... and that of the farther one.
+/// The y of the line that the farther one of a crowd walks along, m.
 const FAR_LINE: f64 = -0.6;
 
 /// Walks to and fro on one side of the picture's middle, then on the other.
@@ -299,11 +299,11 @@ fn coated() -> Script {
     ([-0.3, -0.7, AWAY], stages)
 }
 
-/// How far from the camera they stand who block its view, m ...
+/// Distance from the camera at which people who block its view stand, m.
 const BLOCKERS_AT: f64 = 0.78;
-/// ... and by how much each is off the middle of the picture, rad.
+/// Angle between the middle of the picture and each person who blocks the view, rad.
 const BLOCKERS_APART: f64 = 0.36;
-/// When they begin to come, s, and when they leave again.
+/// When people who block the view begin to come, s, and when they leave again.
 const BLOCKERS_COME: f64 = 1.6;
 const BLOCKERS_LEAVE: f64 = 6.2;
 /// Time of a step aside, s.

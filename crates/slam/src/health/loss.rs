@@ -3,10 +3,11 @@
 use crate::report::{FrameCounts, LostReason};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// Mean grey level below which an image without contrast is black, above which it is white ...
+/// Mean grey level below which an image without contrast is black.
 const BLACK: f64 = 16.0;
+/// Mean grey level above which an image without contrast is white.
 const WHITE: f64 = 239.0;
-/// ... and the standard deviation of grey levels that is no contrast.
+/// An image has no contrast where the standard deviation of its pixels is below this, grey levels.
 const FLAT: f64 = 8.0;
 /// Share of the pixels with depth below which there is none: a sensor at work has some at every edge.
 const NO_DEPTH: f64 = 0.05;

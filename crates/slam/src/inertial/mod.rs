@@ -24,7 +24,7 @@ use stillpoint_imaging::ImuSample;
 
 /// Samples are kept for so long, s: the first frames of a map are tracked again after three.
 const KEPT_S: f64 = 8.0;
-/// ... and so many at most: of a sensor of 4 kHz.
+/// Largest number of samples that are kept: enough for [`KEPT_S`] of a sensor of 4 kHz.
 const KEPT: usize = 32_768;
 /// By how much gyroscopes err in scale, as a share of the turn: 1 % at most by data sheets.
 const SCALE: f64 = 0.005;

@@ -34,21 +34,21 @@ pub type InertialState = SensorState<SensorFault>;
 pub struct InertialReport {
     /// Whether it is believed.
     pub state: InertialState,
-    /// The gyroscope's bias, in its axes, rad/s ...
+    /// The gyroscope's bias, in its axes, rad/s.
     pub gyro_bias: [f64; 3],
-    /// ... and its standard deviation, rad/s.
+    /// Standard deviation of the gyroscope's bias, rad/s.
     pub gyro_bias_sigma: f64,
     /// How the sensor stands to the camera, as estimated: turns its axes to the camera's.
     pub camera_from_imu: UnitQuaternion<f64>,
-    /// By how much that differs from what was stated, rad ...
+    /// By how much the estimated mount differs from the stated one, rad.
     pub mount_error: f64,
-    /// ... and its standard deviation about an axis, rad.
+    /// Standard deviation of the estimated mount about an axis, rad.
     pub mount_sigma: f64,
     /// What is to be added to the sensor's stamps, as estimated, s.
     pub time_offset: f64,
-    /// By how much that differs from what was stated, s ...
+    /// By how much the estimated time offset differs from the stated one, s.
     pub time_offset_error: f64,
-    /// ... and its standard deviation, s.
+    /// Standard deviation of the estimated time offset, s.
     pub time_offset_sigma: f64,
     /// The direction that points up, in the world of the map; none before the sensor has told for a second.
     pub up: Option<[f64; 3]>,

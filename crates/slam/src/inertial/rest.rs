@@ -14,9 +14,9 @@ const SLOWEST: f64 = 2e-3;
 
 /// A stretch of samples at rest.
 pub(super) struct Still {
-    /// The mean rate, rad/s ...
+    /// The mean rate, rad/s.
     pub(super) rate: Vec3,
-    /// ... and its standard deviation.
+    /// Standard deviation of the mean rate, rad/s.
     pub(super) sigma: f64,
 }
 

@@ -3,17 +3,19 @@
 use super::path::Stand;
 use stillpoint_geometry::{Se3, Vec3, so3};
 
-/// A mean is taken over so many samples ...
+/// Length of the window over which jumps are averaged, samples.
 const WINDOW: f64 = 50.0;
-/// ... and says nothing before there are so many.
+/// Least length from which the average of the jumps tells something, samples.
 const LEAST: f64 = 20.0;
-/// One that was set to another place has jumped once, which counts for so much at most.
+/// A base that was set to another place has jumped once, which counts for so much at most.
 const MOST: f64 = 8.0;
-/// From step to step a base changes its velocity by so much at most, m/s^2 and rad/s^2 ...
+/// Largest acceleration of a base from step to step, m/s^2.
 const ACCELERATION: f64 = 10.0;
+/// Largest angular acceleration of a base from step to step, rad/s^2.
 const TURNING: f64 = 30.0;
-/// ... and encoders add so much, m and rad.
+/// Largest error of encoders in the difference of two steps, m.
 const STEP_M: f64 = 0.01;
+/// Largest error of encoders in the difference of two turns, rad.
 const STEP_RAD: f64 = 0.01;
 
 /// How the velocity changes from step to step, as a share of what a base can do.

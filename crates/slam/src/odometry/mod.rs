@@ -18,7 +18,7 @@ use stillpoint_imaging::OdometrySample;
 
 /// Samples are kept for so long, s: as long as a view may be blocked, and the first frames of a map are tracked again after three.
 const KEPT_S: f64 = 35.0;
-/// ... and so many at most: of a source of 200 Hz.
+/// Largest number of samples that are kept: enough for [`KEPT_S`] of a source of 200 Hz.
 const KEPT: usize = 8192;
 /// What encoders, tyres and floor err by however short the way, m and rad.
 const FLOOR_M: f64 = 0.001;

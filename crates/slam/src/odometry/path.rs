@@ -9,9 +9,9 @@ use stillpoint_imaging::OdometrySample;
 const LONGEST_GAP: f64 = 0.35;
 /// After the last sample the base is taken to go on as it did for so long, s.
 const LONGEST_HOLD: f64 = 0.1;
-/// Between samples, and after the last one, the velocity may change by so much, m/s^2 ...
+/// Acceleration that the base may have between samples and after the last one, m/s^2.
 const ACCELERATION: f64 = 1.0;
-/// ... and the turning, rad/s^2.
+/// Angular acceleration that the base may have between samples and after the last one, rad/s^2.
 const TURNING: f64 = 2.0;
 
 /// A sample, on the camera's clock.

@@ -8,11 +8,11 @@ use stillpoint_detection::Detections;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::MapView;
 
-/// Where nothing moved for so long after a map was begun, nothing does, s ...
+/// Where nothing has moved until so long after a map was begun, nothing is taken to move, s.
 const QUIET: f64 = 0.8;
-/// ... from the time on at which it would have been seen, s: depths are compared with those of 0.2 s before ...
+/// Time after a map was begun from which motion is seen, s: depths are compared with those of 0.2 s before.
 const SEEN: f64 = 0.3;
-/// ... by this share of the keypoints: single ones seem to move everywhere.
+/// Nothing moves while less than this share of the keypoints seems to move: single ones do so everywhere.
 const QUIET_SHARE: f64 = 0.1;
 
 /// Frames are kept up to this, bytes: 150 of 640x480. Larger or faster cameras go without.

@@ -25,9 +25,9 @@ const KNOWN: f64 = 1.2;
 const MOST: f64 = 3.0;
 /// From so long after it on there is enough of a map to go back from, s.
 const RETRACED: f64 = 1.8;
-/// Frames that are tracked again after each new one, so many that it is over within a second ...
+/// Number of frames that are tracked again after each new one: with so many, the way back is over within a second.
 const PER_FRAME: usize = 2;
-/// ... but only one where frames come faster than this, s: there is no time for more before the next.
+/// Time between frames below which only one frame is tracked again after each new one, s: there is no time for more before the next.
 const FAST: f64 = 1.0 / 45.0;
 
 /// Tracks the first frames of every map and submap again.

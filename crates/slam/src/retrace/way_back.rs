@@ -14,12 +14,13 @@ use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::Map;
 
-/// Both ways agree while they differ by no more than this, m: what each errs by within a second and a half ...
+/// The way there and the way back agree on a pose while they differ by no more than this, m: each errs by as much within a second and a half.
 const AGREE_M: f64 = 0.03;
-/// ... and by this, rad.
+/// The way there and the way back agree on a pose while they differ by no more than this angle, rad.
 const AGREE_RAD: f64 = 0.026;
-/// The way back is not believed where the camera jerks on it by so much more than on the way there: whoever boards somebody who walks, or gets
-/// off, changes his velocity at once, and a camera that is carried does not. Its momentum, which the way there does not know of yet, takes a quarter of that away.
+/// The way back is not believed where the camera jerks on it by more than this factor of its jerks on the way there. Where the pose begins or ceases to follow
+/// a person who walks, its velocity changes at once; that of a carried camera does not. The camera's momentum, which the way there does not know of yet, takes
+/// a quarter of the jerks away on the way back.
 const MAX_JERKS: f64 = 1.0;
 /// How far what is seen lies, m: what a turn moves by as much as a shift.
 const TYPICAL_DEPTH: f64 = 2.0;

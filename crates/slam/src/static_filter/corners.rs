@@ -12,9 +12,9 @@ use stillpoint_imaging::{DepthImage, RgbdFrame};
 
 /// What has no depth and is so near something that moves may be a part of it, cells: dark clothes below a face, hair above it.
 const NEAR_CELLS: usize = 3;
-/// So many corners without depth near each other tell by their flow whether they move ...
+/// Number of corners without depth near a pixel from which their flow tells whether it moves.
 const HOLE_VOTES: u32 = 4;
-/// ... where more than this share of them says so.
+/// A pixel without depth moves where more than this share of the corners without depth near it moves by its flow.
 const HOLE_SHARE: f64 = 0.75;
 
 impl StaticFilter {

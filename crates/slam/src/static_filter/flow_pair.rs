@@ -13,9 +13,9 @@ pub(crate) struct FlowPair {
     pub(crate) before: Vec2,
     /// Undistorted pixel in the present frame.
     pub(crate) now: Vec2,
-    /// Standard deviation of what flow measures between them, px ...
+    /// Standard deviation of the flow that is measured between both pixels, px.
     pub(crate) flow_sigma: f64,
-    /// ... and of what the shutter makes of it that is not known, px.
+    /// Standard deviation of the unknown part of the shift by the rolling shutter, px.
     pub(crate) shutter_sigma: f64,
 }
 

@@ -67,8 +67,8 @@ pub(crate) struct FrameInput<'a> {
     pub(crate) pairs: &'a [Option<FlowPair>],
     /// The camera's motion back to the frame before.
     pub(crate) last_from_now: Se3,
-    /// Whether little else than corners without depth tells how the camera moves: then these are all kept, whatever they do. Whoever rides on somebody who
-    /// fills the view sees by them that he does.
+    /// Whether little else than corners without depth tells how the camera moves. Then all of these are kept, whatever they do: where the pose follows a person
+    /// who fills the view, they show it.
     pub(crate) few: bool,
 }
 

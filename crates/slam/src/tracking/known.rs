@@ -13,27 +13,27 @@ use std::collections::VecDeque;
 use stillpoint_estimation::{KnownShift, KnownTurn};
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A motion that is otherwise than a sensor says by so many of its standard deviations is not the camera's ...
+/// A motion is not the camera's where it differs from what a sensor says by more than this many of the sensor's standard deviations.
 const GATE_SIGMAS: f64 = 4.0;
-/// ... and what poses err by comes to it, rad: 0.3 degrees, of a blurred image with a rolling shutter ...
+/// Error of poses that is added when a motion is compared with a sensor, rad: 0.3 degrees, of a blurred image with a rolling shutter.
 pub(super) const GATE_POSE: f64 = 0.005;
-/// ... and m ...
+/// Error of poses that is added when a motion is compared with a sensor, m.
 const GATE_POSE_M: f64 = 0.005;
-/// ... with what stamps err by, s.
+/// Error of stamps that is added when a motion is compared with a sensor, s.
 const GATE_TIME: f64 = 0.002;
 /// Poses are compared with those of so long before, s: who rides on somebody who turns slowly is found out in time.
 const COMPARED_S: [f64; 3] = [0.0, 0.2, 1.0];
 /// Poses are remembered for so long, s.
 const REMEMBERED_S: f64 = 1.2;
-/// A map that was corrected by more since than this is another one for these comparisons, rad ...
+/// A correction of the map that turns the last pose by more than this ends the comparison of earlier poses with sensors, rad.
 const SAME_WORLD: f64 = 0.003;
-/// ... and m.
+/// A correction of the map that moves the last pose by more than this ends the comparison of earlier poses with odometry, m.
 const SAME_WORLD_M: f64 = 0.005;
 /// Where fewer matches lead to a pose, sensors measure it as well.
 pub(super) const FEW: usize = 80;
-/// Landmarks that bear a pose out well enough to judge a sensor by it ...
+/// Number of landmarks that must agree with a pose before a sensor is judged by it.
 const TELLING_INLIERS: u32 = 60;
-/// ... and to refute it, where no more than this share of the keypoints moves.
+/// A pose refutes a sensor only where less than this share of the keypoints moves.
 const TELLING_SHARE: f64 = 0.35;
 
 /// Poses of the camera that were taken, newest last: by the frames' clock, s.

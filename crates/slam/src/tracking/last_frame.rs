@@ -17,9 +17,9 @@ use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
 
 /// Radius of the search around the prediction from the last frame, px on level 0, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MOTION_RADIUS_PX: f32 = 15.0;
-/// Keyframes to try when the last frame does not match: so many that share most with the reference keyframe ...
+/// Number of keyframes most covisible with the reference keyframe that are tried when the last frame does not match.
 const COVISIBLE: usize = 8;
-/// ... and so many of the newest.
+/// Number of the newest keyframes that are tried when the last frame does not match.
 const NEWEST: usize = 4;
 
 impl Tracker {

@@ -12,28 +12,28 @@ use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3};
 /// A camera is accelerated by so much, m/s^2, one standard deviation along each axis: one in a hand by 0.6 in the median and by
 /// 1.7 at most in nine tenths of the time (fr1_xyz, fr1_rpy and kitchen, by their ground truth).
 const ACCELERATION: f64 = 1.5;
-/// Whatever shakes or throws it is learnt within so long, s ...
+/// Time within which a new acceleration is learned, s.
 const LEARNT_WITHIN: f64 = 0.3;
-/// ... in steps of no more than this share of the variance, as single frames err ...
+/// Largest relative change of the variance that one frame may suggest, a factor: single frames err.
 const MOST_CHANGE: f64 = 8.0;
-/// ... and up to this, m/s^2.
+/// Largest acceleration that is learned, m/s^2.
 const MOST_ACCELERATION: f64 = 15.0;
-/// It moves by so much before anything is known, m/s, one standard deviation along each axis: as nearly any camera does, since half a metre per second, which is
-/// much for a hand, pulls at the poses of a hand that moves as fast.
+/// A camera moves by so much before anything is known, m/s, one standard deviation along each axis: as nearly any camera does, since half a metre per second,
+/// which is much for a hand, pulls at the poses of a hand that moves as fast.
 const SPEED: f64 = 3.0;
 /// A place that is farther from where it was expected than so many standard deviations was found otherwise than by following.
 const GATE_SIGMAS: f64 = 5.0;
 
-/// Poses err by so many times what their matches' variances tell, as these do not err each on its own: whoever walks, and what is blurred, shift many of them alike ...
+/// Factor by which the error of a pose exceeds what the variances of its matches tell: a person who walks, or blur, shifts many of them alike.
 const POSE_FACTOR: f64 = 1.5;
-/// ... and by so much more per pixel by which the shutter's unsteadiness moves rows that are a quarter of the image away from its middle.
+/// Factor that an unsteady shutter adds in quadrature to the error of a pose, per pixel by which it moves rows that are a quarter of the image from the middle.
 const UNSTEADY_FACTOR: f64 = 2.5;
-/// ... and by so much more times the share of what is seen that moves: the more people are about, the more of them pass for the room, and
-/// all of one person errs alike from frame to frame.
+/// Factor that people add in quadrature to the error of a pose, times the share of what is seen that moves: the more people are about, the more of them pass
+/// for the room, and all of one person errs alike from frame to frame.
 const CROWD_FACTOR: f64 = 5.0;
-/// Where no more of what is seen moves ...
+/// Poses tell how the camera is accelerated only where less than this share of what is seen moves.
 const CALM_SHARE: f64 = 0.35;
-/// ... and the shutter moves rows by no more than this, px, poses tell how the camera is accelerated.
+/// Poses tell how the camera is accelerated only where the unsteady shutter moves rows by less than this, px.
 const CALM_PX: f64 = 0.5;
 /// Nobody is about when a map is begun where no more than a tenth moves for so long, s.
 const QUIET: f64 = 0.5;

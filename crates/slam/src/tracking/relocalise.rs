@@ -20,11 +20,11 @@ const CANDIDATES: usize = 6;
 
 /// Landmarks that must agree with the pose, as a share of those in the image. The same poster in two places agrees with a few.
 const MIN_SHARE: f64 = 0.1;
-/// In this time (s) a camera can be carried anywhere. Before, it is no farther from where it was lost than a thrown one ...
+/// Time in which a camera can be carried anywhere, s. Before, it is no farther from where it was lost than a camera that is thrown.
 const CARRIED_S: f64 = 1.0;
-/// ... m at once, for what is not known of the pose, and ...
+/// Distance from its last pose at which a lost camera may be at once, m: that pose is not known exactly.
 const REACH_M: f64 = 0.5;
-/// ... m/s.
+/// Speed at which a lost camera may move away from its last pose, m/s: that of a camera that is thrown.
 const REACH_M_S: f64 = 3.0;
 /// Time to recognise another submap, once the camera can be there, s.
 const RECOGNISED_S: f64 = 0.5;

@@ -19,9 +19,9 @@ use stillpoint_map::KeyframeData;
 
 /// Factor on the radius of the search when the map is looked for again: landmarks are then off by what was drifted meanwhile.
 const WIDER: f32 = 5.0;
-/// A pose farther than this from the one before the search is not what was drifted, m ...
+/// Largest distance of a pose from the one before the wide search, m: tracking does not drift farther.
 const MAX_DRIFT_M: f64 = 0.5;
-/// ... and rad.
+/// Largest angle between a pose and the one before the wide search, rad: tracking does not drift farther.
 const MAX_DRIFT_RAD: f64 = 0.35;
 
 impl Tracker {

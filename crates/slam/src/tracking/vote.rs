@@ -1,8 +1,8 @@
 //! The vote of the flow: how the camera moved since the frame before, whatever else moved with it.
 //!
 //! Two things keep a crowd from winning. Every pair has as much say as the surface that it stands for: people are near and their
-//! clothes are full of corners, but a room is large. And agreement is judged sharply: whoever walks slowly past a desk is, between two
-//! frames, within a few pixels of some motion that lies between the desk's and his own.
+//! clothes are full of corners, but a room is large. And agreement is judged sharply: between two frames, a person who walks slowly
+//! past a desk is within a few pixels of some motion that lies between the desk's and the person's own.
 
 use super::Tracker;
 use super::choice::Choice;
@@ -17,18 +17,18 @@ use stillpoint_geometry::{Mat6, Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::KeyframeData;
 
-/// What flow in a sharp image is taken to err by, px, with what corners on edges add and what depths err by ...
+/// Error that is assumed of flow in a sharp image, px, including that of corners on edges and of depths.
 const SIGMA_PX: f64 = 0.85;
-/// ... and how many of its own standard deviations come to it.
+/// This many of the standard deviations of a flow pair are added in quadrature to the error that is assumed of it.
 const SIGMAS: f64 = 5.0;
 /// How sharply agreement is judged: a vote is halved at an eighth of the gate's residual, a third of a pixel, which is what flow errs by.
 const PEAK: f64 = 60.0;
 /// The same of matches by descriptor, which err by a pixel and more.
 const ROUGH_PEAK: f64 = 6.0;
-/// Who moves is undecided for so long after a submap was begun, s ...
+/// Time after a submap was begun in which it is undecided who moves, s.
 pub(super) const UNDECIDED: f64 = 2.0;
-/// ... and whenever more than this share of the keypoints moved in the frame before. Whoever is new among those who come and go did nothing yet that he could
-/// be known by; and when the room in view is about as far everywhere, a turn of the camera looks like a shift, so that the few things at another depth decide
+/// Where more than this share of the keypoints moved in the frame before, it is undecided again who moves. A person who has just come into view did nothing yet
+/// to be known by. When the room in view is about equally far everywhere, a turn of the camera looks like a shift, and the few things at another depth decide
 /// which it was.
 pub(super) const SOME_MOVE: f64 = 0.1;
 /// Where more than this share moved, a crowd may fill the view.
@@ -47,9 +47,10 @@ const MIN_WEIGHT_SHARE: f64 = 0.4;
 /// so many agree on one motion to a pixel that is no coincidence. Which of two motions is the camera's, the flow tells that begins there.
 const ROUGH_AGREED: usize = 20;
 const ROUGH_SHARE: f64 = 0.2;
-/// A motion that sensors allow needs less: it is known which motions cannot be the camera's ...
+/// A motion that sensors allow is believed when pairs with this share of the weight agree on it: sensors rule out motions that are not the camera's.
 const MIN_BOUND_SHARE: f64 = 0.1;
-/// ... and where so much agrees on a motion that it allows, nothing else needs to be asked.
+/// Share of the weight, or of the pairs, from which nearly all agree on a motion. It is then believed unless a gyroscope contradicts it or a person may fill
+/// the view.
 const PLAIN_SHARE: f64 = 0.9;
 /// Side of the blocks of the image that have one say each, px.
 const BLOCK_PX: f64 = 40.0;

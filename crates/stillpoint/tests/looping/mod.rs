@@ -61,7 +61,7 @@ impl Run {
     }
 }
 
-/// Shows every run the frames `first`, `first + every`, ...
+/// Shows each run every `every`-th frame, from `first` on.
 fn play(simulator: &Simulator, first: usize, every: usize, runs: &mut [&mut Run]) {
     for i in (first..simulator.len()).step_by(every) {
         let frame = simulator.frame(i);

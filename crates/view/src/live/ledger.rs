@@ -1,4 +1,4 @@
-//! Values by number that remember when they changed, so that whoever knows them as of one version can be told what is new.
+//! Values by number that remember when they changed, so that a reader who knows them as of one version can be told what is new.
 //!
 //! Every reader asks at a pace of its own: a slow one is told less often, of the newest values alone, and nothing is kept for it.
 

@@ -65,7 +65,7 @@ pub enum ReportError {
 #[must_use]
 pub fn to_html(runs: &[RunData]) -> String {
     let data = serde_json::to_string(runs).unwrap_or_default();
-    // Inside of a script element only this could end it. Both are the same to whoever reads JSON.
+    // Inside of a script element only this could end it. Both are the same to a reader of JSON.
     let data = data.replace('<', "\\u003c");
     let title = match runs {
         [run] => run.name.clone(),

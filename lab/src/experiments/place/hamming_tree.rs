@@ -5,9 +5,9 @@
 use super::method::{Method, best};
 use stillpoint::features::Descriptor;
 
-/// A leaf with more descriptors is split...
+/// A leaf with more descriptors than this is split.
 const LEAF: usize = 100;
-/// ... when some bit is set in a share of them that is this near to a half.
+/// A leaf is split only by a bit that is set in a share of its descriptors this near to a half.
 const BALANCE: f64 = 0.1;
 
 #[derive(Clone)]

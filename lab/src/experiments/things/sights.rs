@@ -23,9 +23,9 @@ pub(crate) struct Sight {
     pub(crate) half: usize,
     /// Of these, with depth on half of what is in sight: on what is black and far there is none.
     pub(crate) measured: usize,
-    /// In which it was detected, ...
+    /// Frames in which the thing was detected.
     pub(crate) detected: usize,
-    /// ... and in which a confirmed track that does not move was on it.
+    /// Frames in which a confirmed track that does not move was on the thing.
     pub(crate) tracked: usize,
 }
 

@@ -7,11 +7,11 @@ use std::fmt::Write;
 use stillpoint::map::SubmapId;
 use stillpoint::slam::{FrameReport, InertialState, Outcome};
 
-/// Mounts that are off by more than this are worth a word, rad: a degree ...
+/// A mount is worth a word when it is off by more than this, rad: a degree.
 const TELLING_TURN: f64 = 0.0175;
-/// ... and clocks, s ...
+/// A clock is worth a word when it is off by more than this, s.
 const TELLING_OFFSET: f64 = 2e-3;
-/// ... if they are off by so many standard deviations.
+/// Mounts and clocks are worth a word only when they are off by more than so many standard deviations.
 const CERTAIN: f64 = 4.0;
 
 /// The inertial sensor, as known in the end.

@@ -96,7 +96,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// The same for whoever reads only a part.
+/// Reads the bytes of one part, which errors name.
 fn reader(part: Part, bytes: &[u8]) -> Reader<'_> {
     Reader::new(part.name(), bytes)
 }

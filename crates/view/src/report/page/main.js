@@ -120,7 +120,7 @@ function play(on) {
   const began = performance.now() - 1e3 * run.seconds[page.frame];
   let shown = page.frame;
   const step = (now) => {
-    // Whoever chooses a frame meanwhile wants to look at it.
+    // A person who chooses a frame meanwhile wants to look at it.
     if (!page.playing || page.run !== run || page.frame !== shown) return play(false);
     let i = page.frame;
     while (i < run.count - 1 && run.seconds[i + 1] <= (now - began) / 1e3) i++;
@@ -204,7 +204,7 @@ function keys() {
   byId("colouring").addEventListener("change", (e) => e.target.blur());
 }
 
-/// What the page shows, for whoever tests or scripts it.
+/// What the page shows, for code that tests or scripts it.
 window.stillpoint = {
   get counts() {
     const run = page.run, posed = run.id.reduce((n, _, i) => n + (run.hasPose(i) ? 1 : 0), 0);
