@@ -31,8 +31,6 @@ const UNSTEADY_FACTOR: f64 = 2.5;
 /// Factor that people add in quadrature to the error of a pose, times the share of what is seen that moves: the more people are about, the more of them pass
 /// for the room, and all of one person errs alike from frame to frame.
 const CROWD_FACTOR: f64 = 5.0;
-/// Poses tell how the camera is accelerated only where less than this share of what is seen moves.
-const CALM_SHARE: f64 = 0.35;
 /// Poses tell how the camera is accelerated only where the unsteady shutter moves rows by less than this, px.
 const CALM_PX: f64 = 0.5;
 /// Nobody is about when a map is begun where no more than a tenth moves for so long, s.
@@ -259,7 +257,7 @@ impl Tracker {
             Some(r.transpose() * covariance.fixed_view::<3, 3>(0, 0) * r)
         });
         let off = camera_from_world.inverse().translation - place;
-        let tells = unsteady_px < CALM_PX && self.moving_share < CALM_SHARE;
+        let tells = unsteady_px < CALM_PX;
         motion.with(expected.found(&off, covariance, tells))
     }
 }
