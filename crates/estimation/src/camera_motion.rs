@@ -7,7 +7,7 @@ use crate::motion_search::MotionFinder;
 use crate::pose_graph::CHI2_95_6;
 use crate::sampling::Rng;
 use crate::turn::KnownTurn;
-use crate::{Intrinsics, Measurement};
+use crate::{Intrinsics, KnownPlace, Measurement};
 use stillpoint_geometry::{Mat6, Se3, Vec3, so3};
 
 /// A point of frame A and what frame B measured of it.
@@ -69,6 +69,8 @@ pub struct MotionOptions {
     pub min_inliers: usize,
     /// The rotation of the motion, and its translation, where they are known: others have no votes.
     pub turn: Option<KnownTurn>,
+    /// Where the motion brings a point, as far as that is known from elsewhere: the motion that won is optimised with it.
+    pub place: Option<KnownPlace>,
 }
 
 impl Default for MotionOptions {
@@ -82,6 +84,7 @@ impl Default for MotionOptions {
             prior_strength: 0.3,
             min_inliers: 8,
             turn: None,
+            place: None,
         }
     }
 }

@@ -273,7 +273,7 @@ impl Search<'_> {
             iterations: 2,
             gate_scale: scale,
             turn: self.options.turn,
-            place: None,
+            place: self.options.place,
         };
         let rounds = if self.options.peak > 0.0 { 3 } else { 1 };
         let (mut b_from_a, mut information) = (self.best?, Mat6::zeros());

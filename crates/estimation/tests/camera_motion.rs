@@ -2,10 +2,10 @@
 
 use proptest::prelude::*;
 use stillpoint_estimation::{
-    CameraMotion, Intrinsics, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose, Rng,
-    find_camera_motion, p3p, rng,
+    CameraMotion, Intrinsics, KnownPlace, Measurement, MotionOptions, MotionPair, MotionPrior,
+    Purpose, Rng, find_camera_motion, p3p, rng,
 };
-use stillpoint_geometry::{Camera, Se3, Vec2, Vec3, Vec6, so3};
+use stillpoint_geometry::{Camera, Mat3, Se3, Vec2, Vec3, Vec6, so3};
 
 fn camera() -> Camera {
     Camera::pinhole(640, 480, [520.0, 515.0, 320.0, 240.0])
@@ -402,4 +402,31 @@ fn a_few_at_another_depth_do_not_decide_when_judged_sharply() {
     .errors();
     assert!(wide > 0.01, "{wide} m");
     assert!(sharp < 0.005, "{sharp} m sharply, {wide} m widely");
+}
+
+/// Pairs at one depth in the middle of the image hardly tell a shift from a turn; a shift that is known does.
+#[test]
+fn a_known_shift_tells_a_shift_from_a_turn() {
+    let truth = Se3::exp(&Vec6::new(0.006, 0.0, 0.0, 0.0, 0.05, 0.0));
+    let (mut with, mut without) = (0.0, 0.0);
+    for seed in 0..40 {
+        let random = &mut rng(seed, 0, Purpose(1000));
+        let pairs = follow(&truth, 60, (260.0, 380.0), (1.9, 2.1), true, random);
+        let place = KnownPlace {
+            in_a: Vec3::zeros(),
+            in_b: truth.translation,
+            information: Mat3::from_diagonal_element(1.0 / (0.002 * 0.002)),
+        };
+        let find = |place| {
+            let options = MotionOptions {
+                place,
+                ..MotionOptions::default()
+            };
+            let rng = rng(seed, 7, Purpose::CAMERA_MOTION);
+            find_camera_motion(&Intrinsics::from(&camera()), &pairs, None, &options, rng).unwrap()
+        };
+        with += error(&find(Some(place)).b_from_a, &truth).0;
+        without += error(&find(None).b_from_a, &truth).0;
+    }
+    assert!(without > 5.0 * with, "{without} m against {with} m");
 }

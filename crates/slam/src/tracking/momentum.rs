@@ -28,7 +28,9 @@ const GATE_SIGMAS: f64 = 5.0;
 const POSE_FACTOR: f64 = 1.5;
 /// Factor that an unsteady shutter adds in quadrature to the error of a pose, per pixel by which it moves rows that are a quarter of the image from the middle.
 const UNSTEADY_FACTOR: f64 = 2.5;
-/// Factor that people add in quadrature to the error of a pose, times the share of what is seen that moves: the more people are about, the more of them pass
+/// Factor by which the error of a vote of the flow exceeds what the variances of its pairs tell, for the same reason.
+const VOTE_FACTOR: f64 = 1.5;
+/// Factor that people add in quadrature to the error of a pose or vote, times the share of what is seen that moves: the more people are about, the more of them pass
 /// for the room, and all of one person errs alike from frame to frame.
 const CROWD_FACTOR: f64 = 5.0;
 /// Poses tell how the camera is accelerated only where the unsteady shutter moves rows by less than this, px.
@@ -56,6 +58,8 @@ pub(super) struct Momentum {
 pub(super) struct Expected {
     /// By how much it has moved on, in the map, m.
     shift: Vec3,
+    /// Covariance of `shift`, m^2.
+    moved: Mat3,
     /// Its momentum, unless its place tells more.
     momentum: Momentum,
     /// s.
@@ -82,6 +86,7 @@ impl Momentum {
         let moved = self.spread * (dt * dt) + noise(0.25 * dt * dt);
         Expected {
             shift: self.velocity * dt,
+            moved,
             momentum: Self {
                 velocity: self.velocity,
                 place: self.place + (self.cross + self.cross.transpose()) * dt + moved,
@@ -234,6 +239,20 @@ impl Tracker {
         }
         let crowd = CROWD_FACTOR * self.moving_share;
         crowd * crowd
+    }
+
+    /// What it says of the motion from this frame to the last one, as the vote of the flow sees it: nothing on a way back, whose votes are to find out who moves.
+    pub(super) fn known_shift(&self) -> Option<KnownPlace> {
+        let last = self.state.tracked().filter(|_| !self.goes_back)?;
+        let (_, expected) = self.expected().filter(|_| !self.wheels_tell())?;
+        let r = last.world_from_camera.rotation_matrix().transpose();
+        let information = expected.moved.try_inverse()?;
+        let factor = VOTE_FACTOR * VOTE_FACTOR + self.crowd_factor();
+        Some(KnownPlace {
+            in_a: Vec3::zeros(),
+            in_b: r * expected.shift,
+            information: r * information * r.transpose() * factor,
+        })
     }
 
     /// The camera's motion once a pose is taken, with its momentum; without `information` of its matches nothing new is known of that.

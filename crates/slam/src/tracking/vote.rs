@@ -135,6 +135,7 @@ impl Tracker {
         }
         let options = MotionOptions {
             peak: if exact { PEAK } else { 0.0 },
+            place: self.known_shift(),
             ..MotionOptions::default()
         };
         let (address, camera) = (u64::from(frame.id.0), Intrinsics::from(&data.camera));
