@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import stillpoint_slam as sp
@@ -22,13 +23,15 @@ def simulated(folder: Path, count: int, frames: int) -> list[Path]:
     """Recordings of so many frames each. The first ones are simulated; what comes after is copies of these, which cost the same."""
     distinct = 20
     paths = [folder / f"r{i:04}" for i in range(count)]
+
+    def simulate(i: int) -> None:
+        command = ["simulate", "--scene", ("xyz", "halfsphere")[i % 2], "--frames", frames, "--seed", i, "--jpeg", "--out", paths[i], "-q"]
+        subprocess.run([sys.executable, "-m", "stillpoint_slam", *map(str, command)], check=True)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(simulate, (i for i, path in enumerate(paths[:distinct]) if not path.exists())))
     for i, path in enumerate(paths):
-        if path.exists():
-            continue
-        if i < distinct:
-            command = ["simulate", "--scene", ("xyz", "halfsphere")[i % 2], "--frames", frames, "--seed", i, "--jpeg", "--out", path, "-q"]
-            subprocess.run([sys.executable, "-m", "stillpoint_slam", *map(str, command)], check=True)
-        else:
+        if not path.exists():
             shutil.copytree(paths[i % distinct], path)
     return paths
 
@@ -88,7 +91,7 @@ def on_ray(work: Path, frames: int, rounds: int) -> list[str]:
         from stillpoint_slam import ray as sp_ray
     except ImportError:
         return ["| Ray | not measured: `ray` is not there |"]
-    paths = simulated(work / "ray", 10, frames)
+    paths = simulated(work / "long", 20, frames)[:10]
     ray.init(num_cpus=1, log_to_driver=False, configure_logging=False, object_store_memory=100_000_000)
     ray.data.DataContext.get_current().enable_progress_bars = False
 
@@ -121,9 +124,10 @@ def growth(work: Path, counts: list[int], frames: int) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a tenth of it, to see that it works")
+    parser.add_argument("--rounds", type=int, help="how often each is measured (3)")
     parser.add_argument("--counts", type=int, nargs="+", help="numbers of short recordings (10 100 1000)")
     arguments = parser.parse_args()
-    frames, rounds = (30, 1) if arguments.quick else (300, 3)
+    frames, rounds = (30, 1) if arguments.quick else (300, arguments.rounds or 3)
     counts = arguments.counts or ([3, 10, 30] if arguments.quick else [10, 100, 1000])
     print(f"{os.cpu_count()} cores, {platform.system()} {platform.machine()}, load {os.getloadavg()[1]:.1f}, Stillpoint {sp.__version__}\n")
     with tempfile.TemporaryDirectory() as folder:
