@@ -8,8 +8,8 @@ fn crowds_have_a_row_per_contestant_and_a_control_that_has_to_fail() {
     let done = run("24").with_code(0);
     let verdicts: Vec<&str> = done.rows().iter().map(|row| row[10]).collect();
     assert_eq!(verdicts, ["met", "met", "short"], "{}", done.out);
-    // In two frames nobody goes far: the control meets its bar, so the experiment shows nothing and says so.
-    let done = run("2").with_code(1);
+    // In three frames nobody goes far: the control meets its bar, so the experiment shows nothing and says so.
+    let done = run("3").with_code(1);
     assert_eq!(done.rows()[2][10], "met", "{}", done.out);
 }
 
@@ -54,14 +54,7 @@ fn sensors_are_compared_with_none() {
 #[test]
 fn people_are_scored_with_worse_detectors_too() {
     let run = |more: &[&str]| {
-        let tiny = [
-            "objects",
-            "--seeds",
-            "1",
-            "--frames",
-            "20",
-            "walking_static",
-        ];
+        let tiny = ["objects", "--seeds", "1", "--frames", "150", "walking_xyz"];
         lab(&[&tiny[..], more].concat()).with_code(0)
     };
     let (plain, worse) = (run(&[]), run(&["--alarms", "--bursts"]));
