@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let stages = Stages::new(Config::default(), *room.camera(), Simd::detect())?;
     let mut live = LiveSystem::start(stages, None, LiveOptions::default())?;
     let watch = live.watch();
-    // A listener that falls behind misses events, which are counted; no stage waits for it.
+    // A listener that falls behind misses events, and the run counts them. No stage waits for it.
     let events = live.listen("poses", Delivery::until_full(1000));
     let mut camera = MyCamera {
         room,

@@ -75,7 +75,7 @@ pub(crate) enum Driver {
 pub(crate) struct Inline {
     system: System,
     next: Option<u32>,
-    /// A queue for each listener, as long as it is there.
+    /// One queue per listener, while the listener exists.
     queues: Vec<Queue>,
     dense: Surface,
     /// What a result folder says, if one is to be written.

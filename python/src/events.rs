@@ -1,4 +1,4 @@
-//! What happens in a run, one thing after the other, for code that asks.
+//! The events of a run, one after the other, for code that polls.
 
 use crate::frame::Frame;
 use pyo3::exceptions::PyStopIteration;

@@ -36,13 +36,13 @@ pub(crate) struct Live {
     kept: Option<Arc<Mutex<ResultRecorder>>>,
     /// Once it is over.
     result: Option<LiveResult>,
-    /// Whether the run is over, for those who listen.
+    /// Tells listeners whether the run is over.
     over: Arc<AtomicBool>,
 }
 
 impl Drop for Live {
     fn drop(&mut self) {
-        // Nothing more comes of a run that nobody finished: those who still listen wait no longer.
+        // A run that is dropped unfinished sends nothing more, so listeners must stop waiting.
         self.over.store(true, Ordering::Release);
     }
 }

@@ -20,7 +20,7 @@ pub(crate) struct About {
     pub(crate) keyframes: usize,
 }
 
-/// What the reader of the recording knows of the run.
+/// Facts about the run that the reader of the recording knows.
 pub(crate) struct Read<'a> {
     /// What was run on, its layout, and where the camera comes from.
     pub(crate) input: [String; 3],

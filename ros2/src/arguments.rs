@@ -44,7 +44,7 @@ pub enum Setting {
 /// How urgent something is, as `rcl_interfaces/msg/Log` counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// For a person who looks for a fault.
+    /// For finding faults.
     Debug = 10,
     /// For the user.
     Info = 20,

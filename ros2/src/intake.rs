@@ -280,7 +280,7 @@ impl Intake {
         of(0, pair.colour.0).min(of(1, pair.depth.0))
     }
 
-    /// What is known of both streams, for code that waits; `losses`: what is lost on the wire.
+    /// The state of both streams, for code that waits. `losses` describes losses on the wire.
     #[must_use]
     pub fn state<'a>(&'a self, losses: Option<&'a str>) -> Seen<'a> {
         Seen {

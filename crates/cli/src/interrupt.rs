@@ -16,8 +16,8 @@ pub(crate) struct Interrupt {
 }
 
 impl Interrupt {
-    /// Begins to listen for Ctrl-C (SIGINT), SIGTERM, and SIGHUP, which a terminal sends that is closed, unless the process was
-    /// started so that it ignores that (`nohup`). Where that is not possible, they end the process at once, as usual.
+    /// Starts to listen for Ctrl-C (SIGINT), SIGTERM and SIGHUP. A terminal sends SIGHUP when it closes; a process started with
+    /// `nohup` ignores it. If a signal cannot be caught, it ends the process at once, as usual.
     pub(crate) fn listen() -> Self {
         let interrupt = Self::prepare();
         interrupt.begin();

@@ -26,8 +26,8 @@ pub(crate) fn lower(stage: Stage) {
 fn lower_by(by: i32) {
     use rustix::process::{getpriority_process, setpriority_process};
     let thread = Some(rustix::thread::gettid());
-    // A thread that the user lowered already is lowered further. A system that does not allow even that runs all
-    // threads alike, as without this.
+    // Lowers the thread further even if the user lowered it already. If the system refuses, all threads keep
+    // the same priority.
     if let Ok(before) = getpriority_process(thread) {
         let _ = setpriority_process(thread, (before + by).min(19));
     }

@@ -267,7 +267,7 @@ impl Subscriber for Recorder {
         if counts {
             let ns = now.duration_since(entered).as_nanos() as u64;
             if workers::is_one() {
-                // Workers work for the thread that retraces while there is one.
+                // While a thread retraces, the workers serve that thread.
                 if self.0.open_apart.load(Ordering::Relaxed) == 0 {
                     add(&mut lock(&self.0.shared), stage, ns);
                 }

@@ -1,6 +1,6 @@
 //! Every span of every thread, kept for `--trace`.
 //!
-//! Spans are kept in memory until the code that has the file fetches them, which happens at every frame, so that no stage ever waits for
+//! Spans stay in memory until the code that writes the file fetches them, at every frame, so that no stage waits for
 //! a disk. When nobody fetches them for long, further ones are left out and counted.
 
 use std::cell::Cell;

@@ -266,7 +266,7 @@ fn a_lens_without_its_last_coefficient() {
     );
 }
 
-/// Names come from the person who made the recording; what a terminal would obey is shown instead.
+/// Names in a recording are not trusted: control characters are shown as text.
 #[test]
 #[cfg(unix)]
 fn names_do_not_command_the_terminal() {

@@ -1,4 +1,4 @@
-//! Models made to break programs that run them: each is refused in words, and in bounded time and memory.
+//! Models made to break the program that runs them. Each is refused with a message, in bounded time and memory.
 
 use crate::common::{check, stderr, stillpoint, tiny_model};
 use stillpoint::inference::wire::Message;

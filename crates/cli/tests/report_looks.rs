@@ -9,9 +9,9 @@ use stillpoint::view::report::Column;
 
 /// Factor by which pictures of pages are reduced before they are kept.
 const KEPT: u32 = 4;
-/// Side of the blocks whose means are compared, px of the reduced picture: versions of the browser differ less in these than in pixels.
+/// Side of the blocks whose means are compared, px of the reduced picture: browser versions differ less in block means than in pixels.
 const BLOCK: u32 = 6;
-/// Difference up to which two blocks are alike, grey levels of 255. Measured: words that move by a pixel change less, a missing part changes more.
+/// Two blocks are alike up to this difference, grey levels of 255. Measured: text that moves by a pixel changes less, a missing part changes more.
 const ALIKE: f64 = 24.0;
 /// Share of blocks that may differ: fonts vary.
 const OTHER: f64 = 0.02;

@@ -14,9 +14,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use stillpoint_imaging::{ImuSample, OdometrySample};
 
-/// Beginning of what is said of an inertial sensor.
+/// First words of messages about an inertial sensor.
 const INERTIAL: &str = "inertial sensor";
-/// Beginning of what is said of odometry.
+/// First word of messages about odometry.
 const ODOMETRY: &str = "odometry";
 
 /// How to open a data set; the default guesses everything.

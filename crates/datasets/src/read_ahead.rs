@@ -1,4 +1,4 @@
-//! Reading and decoding on a thread of its own, some frames ahead of the code that uses them.
+//! Reads and decodes on a separate thread, some frames ahead of the code that uses them.
 
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;

@@ -16,7 +16,7 @@ pub struct Floor {
 const STEP: f64 = 0.02;
 /// Area of a floor at least, m^2: less is a shelf.
 const LEAST_AREA: f64 = 0.1;
-/// Area of a floor at least, as a share of the largest surface that lies level.
+/// Least area of a floor, as a share of the largest level surface.
 const LEAST_SHARE: f64 = 0.1;
 
 impl Floor {

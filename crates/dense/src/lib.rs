@@ -1,8 +1,8 @@
 //! The room without the people: surface, mesh and grids, fused from what does not move.
 //!
 //! Answers: where surfaces are, where space is free, and what a robot may drive by. A subscriber ([`Dense`]) takes the events of a run and
-//! follows its corrections; nothing goes back. Knows no files and no threads: it writes to whatever is given, and a program that
-//! runs it beside a camera gives it a thread.
+//! follows its corrections; nothing goes back. It opens no files and starts no threads: it writes to a writer that the caller passes, and
+//! a program with a live camera runs it on a thread of its own.
 
 mod arrivals;
 #[cfg(target_arch = "x86_64")]

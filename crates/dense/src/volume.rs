@@ -1,6 +1,6 @@
 //! The surface as a signed distance, in blocks where there is one.
 //!
-//! Answers: what is known of distances after some frames from known poses. Knows no events and no map; code that moves a pose makes a new
+//! Answers: which distances are known after some frames from known poses. It uses no events and no map. Code that moves a pose makes a new
 //! volume.
 
 use crate::arrivals::Arrivals;

@@ -18,9 +18,9 @@ const LEAST: usize = 20;
 const TELLING: f64 = 0.01;
 /// A mount is off from here on, rad: 6 degrees.
 const OFF: f64 = 0.105;
-/// Where a mount is off by more than this, the turns may be to the wrong side instead, rad.
+/// If a mount is off by more than this, the turns may have the wrong sign instead, rad.
 const UPSIDE_DOWN: f64 = 2.6;
-/// A clock is off from here on, s.
+/// A clock is reported when it is off by more than this, s.
 const LATE_S: f64 = 0.04;
 /// What is left of the motions, as a share, where the base moves as the camera does, however that is mounted.
 const ALIKE: f64 = 0.5;

@@ -28,7 +28,7 @@ const MARGIN: f64 = 0.02;
 const TOP: f64 = 0.12;
 /// A delay whose standard deviation is above this is not known, s.
 const MAX_SIGMA: f64 = 0.006;
-/// A delay may still be told to be unusual up to this standard deviation, s.
+/// A delay can still be reported as unusual up to this standard deviation, s.
 const MAX_SIGMA_UNUSUAL: f64 = 0.010;
 /// The delay matters where it changes the agreement by this share.
 const MIN_CONTRAST: f64 = 0.1;

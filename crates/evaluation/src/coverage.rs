@@ -5,9 +5,9 @@ use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6, align_umeyama, so3};
 
 /// Deviations of a normal number to either side within which 90 % of them lie.
 const SIGMAS_90: f64 = 1.644_853_626_951_472_2;
-/// The truth is interpolated between poses that are no farther apart, s: several times the interval of ground truth at 10 Hz, chosen.
+/// The truth is interpolated only between poses no farther apart than this, s: several times the interval of ground truth at 10 Hz, chosen.
 const MAX_GAP: f64 = 0.25;
-/// Motions may differ from the asked time by this, s: three intervals of 30 Hz, chosen.
+/// The duration of a motion may differ from the requested one by this, s: three intervals of 30 Hz, chosen.
 const TOLERANCE: f64 = 0.1;
 
 /// Which shares of the intervals of 90 % hold the truth, over all poses and axes.

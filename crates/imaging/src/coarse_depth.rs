@@ -110,7 +110,7 @@ fn reduce_rows(depth: &DepthImage, cell: usize, first: usize, data: &mut [f32]) 
     }
 }
 
-/// Cells that are reduced together, as a block.
+/// Number of cells that are reduced together, as a block.
 const LANES: usize = 4;
 /// Side of the cells that are reduced in blocks, px; cells of another side are reduced one by one.
 const BLOCK_CELL: usize = 8;

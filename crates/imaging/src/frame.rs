@@ -70,8 +70,8 @@ pub trait FrameSource: Send {
     /// frame; after any other error the stream has ended.
     fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>>;
 
-    /// What an inertial sensor measured since the last call, in order of time: up to the newest frame that was given, and where there is one the
-    /// first sample after it. To be asked after each frame; a source that passes frames on passes this on.
+    /// Samples of an inertial sensor since the last call, in order of time: up to the newest frame that was returned, and the first sample after
+    /// it if there is one. Call this after each frame. A source that wraps another source forwards the call.
     fn take_inertial(&mut self) -> Vec<ImuSample> {
         Vec::new()
     }

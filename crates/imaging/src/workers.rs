@@ -1,8 +1,8 @@
 //! Threads that share the work on one image.
 //!
-//! Answers: who else lends a hand. Work is divided by places, never by time: every part is done exactly once, by the thread that comes to it first,
-//! and results are put together in the order of the parts. So how many threads there are, and whether there are any, changes the time and nothing
-//! else. What runs outside [`Workers::run`] runs alone.
+//! Answers: which threads help with the work. Work is divided by place, never by time: the first free thread does each part, exactly once,
+//! and results are combined in the order of the parts. So the number of threads changes the time and nothing
+//! else. Work outside [`Workers::run`] uses a single thread.
 
 use rayon_core::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub struct Workers(Option<Arc<ThreadPool>>);
 
 impl Workers {
-    /// So many threads, named `worker`; with fewer than two, the thread that has work does it alone. They have the priority of the thread that makes them.
+    /// Starts this many threads, named `worker`, with the priority of the calling thread. With fewer than two, the thread that has work does it alone.
     ///
     /// # Errors
     /// What the operating system says when it has no more threads.
@@ -37,7 +37,7 @@ impl Workers {
     }
 }
 
-/// Whether this thread is one of [`Workers`]: what it does, it does for a thread that waits in [`Workers::run`].
+/// Whether this thread is one of [`Workers`], and so works for a thread that waits in [`Workers::run`].
 #[must_use]
 pub fn is_one() -> bool {
     rayon_core::current_thread_index().is_some()

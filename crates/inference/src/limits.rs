@@ -1,7 +1,7 @@
-//! What a model may ask of the program that runs it, read from its file before any runtime sees it. Runtimes trust their input: they multiply
+//! Limits on what a model may demand, checked in its file before any runtime reads it. Runtimes trust their input: they multiply
 //! sizes that wrap, walk graphs by recursion, and take what memory an operator asks for.
 //!
-//! A graph that computes its sizes can still ask for anything: the program that runs it has to bound what it does, e.g. in a process
+//! A graph that computes its sizes can still demand anything: the program that runs it must bound its time and memory, e.g. in a process
 //! of its own.
 
 mod tensors;

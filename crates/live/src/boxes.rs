@@ -15,8 +15,8 @@ use stillpoint_map::{Correction, KeyframeId, Map, MapView};
 use stillpoint_place::PlaceIndex;
 use stillpoint_slam::{LoopCloserMsg, Loops, MapperMsg, Trajectory, TrajectoryEntry};
 
-/// Messages that wait for one stage, at most; then the sender of another one waits. More than a stage that keeps up ever sees,
-/// and little enough for a machine's memory.
+/// Largest number of messages that wait for one stage; beyond it, the sender waits. A stage that keeps up never has so many,
+/// and they fit into memory.
 pub(crate) const QUEUE: usize = 64;
 /// Samples of the inertial sensor that wait for tracking, at most: of eight seconds at 4 kHz.
 pub(crate) const SAMPLES: usize = 32_768;
@@ -37,9 +37,9 @@ pub(crate) struct Boxes {
     pub(crate) view: Mailbox<Arc<MapView>>,
     /// All loop candidates so far.
     pub(crate) loops: Mailbox<Loops>,
-    /// Frames tracked since somebody asked for the trajectory: a short list, so that tracking does not have to wait for a long one.
+    /// Frames tracked since the last request for the trajectory. The list is short, so that tracking does not wait for a long one.
     pub(crate) tracked: Mailbox<NewEntries>,
-    /// The trajectory as far as somebody asked for it: a thread that asks brings the frames of `tracked` here first.
+    /// The trajectory up to the last request. The requesting thread first moves the frames of `tracked` here.
     trajectory: Mailbox<Trajectory>,
     /// Frames that were tracked.
     pub(crate) frames: AtomicU64,

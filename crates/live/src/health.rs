@@ -191,8 +191,8 @@ impl Watch {
         self.boxes.map()
     }
 
-    /// What was measured at the newest frame that was tracked; none before the first. Asks for less than [`Watch::health`], for programs
-    /// that look at every frame.
+    /// The timing of the newest tracked frame; none before the first. It costs less than [`Watch::health`], for programs
+    /// that read it at every frame.
     #[must_use]
     pub fn timing(&self) -> Option<FrameTiming> {
         self.boxes.newest.look(|n| n.as_ref().map(|n| n.timing))

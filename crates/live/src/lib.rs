@@ -7,8 +7,8 @@
 //!
 //! Who waits for whom goes one way only: detection waits for room at tracking, tracking at mapping, mapping at looping, and
 //! looping for none. Views, places and corrections go the other way, and these are never waited for: of views and places the newest
-//! replaces the older one, and of corrections there is one at a time. No stage waits for a listener: each subscriber has a queue, and says
-//! what is left out when that is full ([`Delivery`]).
+//! replaces the older one, and of corrections there is one at a time. No stage waits for a listener: each subscriber has a queue, and chooses
+//! what is dropped when the queue is full ([`Delivery`]).
 
 mod audience;
 mod backoff;

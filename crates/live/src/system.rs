@@ -162,7 +162,7 @@ impl LiveSystem {
         Ok(subscribed)
     }
 
-    /// Events from now on, for callers that would rather ask for them than be called.
+    /// Events from now on, for callers that poll instead of being called.
     #[must_use]
     pub fn listen(&self, name: &str, delivery: Delivery) -> Events {
         self.boxes.audience.listen(name, delivery)

@@ -22,7 +22,7 @@ impl PoseCorrection {
         self.after * self.before.inverse()
     }
 
-    /// The corrected pose of this keyframe when it is at `now`. Where it was moved since, that move is kept and the shift comes on top.
+    /// The corrected pose of this keyframe, given its present pose `now`. If it moved since `before`, the shift is applied on top of that move.
     fn corrected(&self, now: &Se3) -> Se3 {
         if self.before == self.after {
             *now

@@ -186,7 +186,7 @@ mod tests {
         assert_eq!(map.revoke(|_| true, KeyframeId(9)), 0);
         assert_eq!(map.revoke(|_| false, KeyframeId(1)), 0);
         assert_eq!((map.view().keyframe_count(), map.check()), (before, Ok(())));
-        // The keyframe that stays is not taken back, even where it is named among those to go.
+        // The keyframe that stays is kept even if the predicate selects it for removal.
         assert_eq!(map.revoke(|_| true, KeyframeId(1)), 2);
         assert_eq!((map.view().keyframe_count(), map.check()), (1, Ok(())));
     }

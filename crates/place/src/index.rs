@@ -6,7 +6,7 @@ use crate::{
 };
 use std::sync::Arc;
 
-/// For each match that is asked for, this many of the keyframes that have most words in common are compared feature by feature.
+/// For each requested match, this many keyframes are compared feature by feature: those with most words in common.
 const SHORTLIST_FACTOR: usize = 4;
 /// Least number of keyframes that are compared feature by feature.
 const SHORTLIST: usize = 40;

@@ -17,7 +17,7 @@ const FARTHEST_US: i64 = 20_000;
 const TWICE_US: i64 = 10;
 /// How often a camera that is gone is looked for.
 const LOOK: Duration = Duration::from_millis(500);
-/// How many times a camera that is gone is looked for before an error says so again: a request to stop is heard in between.
+/// Number of attempts to find a missing camera before the next error reports it. The program handles a request to stop between errors.
 const LOOKS: usize = 6;
 
 /// The frames.

@@ -13,10 +13,10 @@ use stillpoint_map::{MapView, SubmapId};
 use stillpoint_ros_messages as ros;
 use stillpoint_slam::{Event, FrameEvent, Health, LoopOutcome, Outcome};
 
-/// Path and map are published once in this time at most, s.
+/// Shortest time between two publications of path and map, s.
 const EVERY: f64 = 1.0;
-/// Path and map are published once in this share of the time since the first frame at most, so that a long run takes no more than some
-/// twenty times its last map.
+/// Shortest time between two publications of path and map, as a share of the time since the first frame. All maps of a long run together
+/// then take no more than some twenty times the size of the last one.
 const EVERY_SHARE: f64 = 0.05;
 /// Variance of what the measurements leave open, m^2 or rad^2.
 const OPEN: f64 = 1e6;

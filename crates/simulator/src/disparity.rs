@@ -20,15 +20,15 @@ pub enum DepthModel {
     StructuredLight,
 }
 
-/// Standard deviation of the error of disparity that each pixel has on its own, px.
+/// Standard deviation of the independent disparity error of each pixel, px.
 const OWN: f32 = 0.04;
-/// Standard deviation of the error of disparity that neighbouring pixels share, px: with `OWN` it makes 4 cm at 5 m for 40 px m.
+/// Standard deviation of the disparity error that neighbouring pixels share, px: with `OWN` it makes 4 cm at 5 m for 40 px m.
 const SHARED: f32 = 0.05;
 /// Standard deviation of the fixed pattern of disparities, px.
 const PATTERN: f32 = 0.04;
 /// Side of a cell of the fixed pattern of disparities, in cells of [`Patches`].
 const PATTERN_CELL: usize = 12;
-/// Faces are not measured where their normal is beyond this angle to the line of sight, rad (78 degrees).
+/// Faces are not measured if the angle between their normal and the line of sight exceeds this, rad (78 degrees).
 const ASLANT: f32 = 1.36;
 /// The largest angle at which faces are measured differs by about this from patch to patch, rad.
 const ASLANT_SPREAD: f32 = 0.07;

@@ -52,9 +52,9 @@ impl Shutter {
     }
 }
 
-/// What is seen moves by less than this between two exposures that are averaged, px.
+/// The image moves by less than this between two exposures that are averaged, px.
 const BLUR_STEP: f64 = 2.0;
-/// No more exposures than this are averaged: what is too fast moves by more than `BLUR_STEP` between two of them.
+/// At most this many exposures are averaged: a motion that is too fast exceeds `BLUR_STEP` between two of them.
 const MOST_EXPOSURES: usize = 12;
 /// What is nearest in sight, for the bound on how far it moves in the image, m.
 const NEAREST: f64 = 0.7;

@@ -1,4 +1,4 @@
-//! Images that are kept: rendered once for all processes, and the same as without.
+//! Kept images: each is rendered once for all processes, and equals the image that is rendered without keeping.
 
 use std::fs;
 use std::path::Path;

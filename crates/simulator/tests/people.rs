@@ -235,8 +235,8 @@ fn checksum(bytes: impl Iterator<Item = u8>) -> u64 {
     })
 }
 
-/// Every machine must render these bytes: grey image, depth, mask. A person who changes people or scenes on
-/// purpose writes down the new sums.
+/// Every machine must render these bytes: grey image, depth, mask. After an intended change of people or scenes,
+/// write down the new sums.
 #[test]
 fn frames_with_people_are_the_same_bits_on_every_machine() {
     let sums = WITH_PEOPLE.map(|scene| {

@@ -284,7 +284,7 @@ fn checksum(bytes: impl Iterator<Item = u8>) -> u64 {
     })
 }
 
-/// Every machine must render these bytes. A person who changes scenes or sensor on purpose writes down the new sums.
+/// Every machine must render these bytes. After an intended change of scenes or sensor, write down the new sums.
 #[test]
 fn frames_are_the_same_bits_on_every_machine() {
     let sums = [("xyz", 17), ("loop_two_rooms", 700)].map(|(scene, index)| {

@@ -1,7 +1,7 @@
 //! How uncertain poses are: in the map around them, from one to another, and from where the map began.
 //!
-//! Answers: the covariance of a pose by its matches and their residuals, the part that two poses have in common, and the part of the map. No stage asks for it. The
-//! constants were fitted to 13 inputs together; `lab covariance` measures how well.
+//! Answers: the covariance of a pose from its matches and residuals, the part that two poses share, and the part of the map. No stage uses it. The
+//! constants were fitted jointly to 13 inputs; `lab covariance` measures the fit.
 
 mod log;
 mod map;
@@ -13,19 +13,19 @@ use crate::evidence::Scatter;
 use stillpoint_estimation::pose_covariance;
 use stillpoint_geometry::{Mat6, Se3};
 
-/// Variance of a pixel coordinate of a keypoint, as a share of the variance that matching states for its level (1 px^2 at the finest). Measured in residuals: 0.15 to 0.28 in
-/// simulated rooms and with cameras that stand still, 0.5 to 0.8 where a real camera moves.
+/// Variance of a keypoint's pixel coordinate, as a share of the variance that matching states for its level (1 px^2 at the finest). Measured in residuals:
+/// 0.15 to 0.28 in simulated rooms and with cameras that stand still, 0.5 to 0.8 where a real camera moves.
 const KEYPOINT: f64 = 0.25;
-/// Number of keypoints whose errors are in a match, by definition: that of the frame, and that of the map.
+/// Number of keypoints whose errors a match contains, by definition: that of the frame, and that of the map.
 const SIDES: f64 = 2.0;
-/// Number of independent causes of larger residuals in a frame (lens, shutter, blur, people, errors of the map), however many matches there are. Fitted to errors measured on 13
-/// inputs.
+/// Number of independent causes of larger residuals in a frame (lens, shutter, blur, people, errors of the map), for any number of matches. Fitted to
+/// errors measured on 13 inputs.
 const CAUSES: f64 = 2.0;
 /// Time after which errors of poses have a correlation of 1/e, s: measured 0.2 to 0.5 on fr1_xyz, tartanair_office and in simulated rooms.
 const LASTS_S: f64 = 0.25;
 
 /// Covariance of a pose in the map around it, as a twist `[translation; rotation]` (m^2, m rad, rad^2) in the coordinates of its information; none when that leaves a
-/// direction open. Without a scatter, as of poses by sensors, it is the inverse of the information.
+/// direction open. Without a scatter, as for poses from sensors, it is the inverse of the information.
 ///
 /// With N matches of residual variance s, the inverse of the information is multiplied by 2 k + max(0, s - k) N / c, where k is the variance of a keypoint and c the number of
 /// causes: the design effect of measurements in clusters (Kish, "Survey Sampling", 1965, section 5.4).
@@ -38,7 +38,7 @@ pub fn covariance_in_map(information: &Mat6, scatter: Option<&Scatter>) -> Optio
     pose_covariance(information).map(|c| c * factor)
 }
 
-/// Covariance of the motion between two poses that are `seconds` apart, in the axes of the later one, by the covariance of each in the map around it. Errors that both share cancel.
+/// Covariance of the motion between two poses `seconds` apart, in the axes of the later one, from the covariance of each in its map. Shared errors cancel.
 #[must_use]
 pub fn covariance_of_motion(
     earlier: &Mat6,

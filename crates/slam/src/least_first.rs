@@ -1,8 +1,8 @@
-//! For the search of least ways through a graph (Dijkstra): what was reached, in a [`BinaryHeap`](std::collections::BinaryHeap) that hands out the least cost first.
+//! Entries for shortest paths in a graph (Dijkstra). A [`BinaryHeap`](std::collections::BinaryHeap) of them returns the least cost first.
 
 use std::cmp::Ordering;
 
-/// A node, the cost of the way to it, and what is known of that. The least cost is the greatest; of equals the least node.
+/// A node, the cost of the path to it, and a value for that path. The order is reversed: the least cost is the greatest, and of equals the least node.
 pub(crate) struct Reached<N, V = ()> {
     pub(crate) cost: f64,
     pub(crate) node: N,

@@ -14,7 +14,7 @@ use stillpoint_place::PlaceIndex;
 pub struct Tracked {
     /// What became of the frame.
     pub report: FrameReport,
-    /// What was seen on the way, for callers that judge how good the pose is.
+    /// The evidence from tracking, for callers that judge the quality of the pose.
     pub evidence: Evidence,
     /// The frame as a new keyframe, when the map needs it; or the one before, which began the map and waited for this frame.
     pub keyframe: Option<NewKeyframe>,

@@ -14,11 +14,11 @@ const USUAL_TURNING: f64 = 5.0;
 const LAG: f64 = 0.1;
 /// No pose is better than this, m and rad.
 const FLOOR: f64 = 1e-4;
-/// Time to either side of a pose whose frames tell how much the pose errs and how the camera accelerates, s.
+/// Frames within this time to either side of a pose give the error of the pose and the acceleration of the camera, s.
 const REACH: f64 = 0.3;
-/// Least number of frames to either side of a pose that tell how much it errs and how the camera accelerates.
+/// At least this many frames to either side of a pose give the error of the pose and the acceleration of the camera.
 const REACH_FRAMES: usize = 8;
-/// Fewer frames in a row tell neither how much poses err nor how the camera accelerates.
+/// Fewer frames in a row give neither the error of poses nor the acceleration of the camera.
 const LEAST: usize = 9;
 /// The median of the norm of three normal numbers of deviation 1.
 const MEDIAN_OF_NORM: f64 = 1.538;

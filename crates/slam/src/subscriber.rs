@@ -1,4 +1,4 @@
-//! Subscribers: those who listen to a run.
+//! Subscribers: the listeners of a run.
 //!
 //! Answers: how events reach several listeners. Inline and in a replay every subscriber receives every event, in order, on the thread
 //! that drives the run. In a live run each has a queue and a thread of its own, which are the business of the driver.

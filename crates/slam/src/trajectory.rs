@@ -161,9 +161,9 @@ const NOISE: f64 = 0.0007;
 /// The depth at which a motion is compared with a turn, m: that of things in a room.
 const TYPICAL_DEPTH: f64 = 2.0;
 
-/// Frames that are farther apart say nothing of each other's jitter, s.
+/// Frames farther apart than this say nothing about each other's jitter, s.
 const LONGEST_GAP: f64 = 0.25;
-/// Stamps that are nearer to each other than this are not those of two frames, s.
+/// Stamps closer to each other than this cannot belong to two frames, s.
 const SHORTEST_GAP: f64 = 1e-4;
 
 /// How a pose differs from the one that was measured.

@@ -8,23 +8,23 @@ const SPAN_S: f64 = 0.5;
 const LONGEST_S: f64 = 2.0;
 /// What two poses err by, one standard deviation about each axis, rad: 0.15 degrees with a rolling shutter.
 pub(crate) const POSES_SIGMA: f64 = 0.0026;
-/// Least turn of the camera that tells whether the axes of a sensor are right, rad.
+/// Least turn of the camera that shows whether the axes of a sensor are right, rad.
 const TELLING: f64 = 0.05;
-/// Least way of the camera that tells whether the axes of a sensor are right, m.
+/// Least displacement of the camera that shows whether the axes of a sensor are right, m.
 const TELLING_M: f64 = 0.05;
-/// Sensor and camera may differ by this share of the turn, or of the way: scale, time and mount err.
+/// Sensor and camera may differ by this share of the turn, or of the displacement: scale, time and mount err.
 const SHARE: f64 = 0.1;
-/// Sensor and camera may differ by this angle in addition, rad: a bias of 2 deg/s that is not known yet makes as much.
+/// Sensor and camera may differ by this angle in addition, rad: a still unknown bias of 2 deg/s causes as much.
 const SLACK: f64 = 0.02;
-/// Sensor and camera may differ in addition by this many standard deviations of what is not known yet, where that is more than [`SLACK`]: 99.9 % of three axes.
+/// Sensor and camera may differ in addition by this many standard deviations of the sensor's unknown error, if that exceeds [`SLACK`]: 99.9 % of three axes.
 const UNKNOWN_SIGMAS: f64 = 4.03;
-/// Sensor and camera may differ by this way in addition, m: two poses err, and the base rolls and springs.
+/// Sensor and camera may differ by this displacement in addition, m: two poses err, and the base rolls and springs.
 const SLACK_M: f64 = 0.02;
 /// A turn swings a camera that is mounted some centimetres otherwise, m/rad.
 const SWING: f64 = 0.1;
-/// Number of comparisons in a row whose failure tells that a sensor is wrong.
+/// A sensor counts as wrong after this many failed comparisons in a row.
 const FAILURES: u32 = 3;
-/// Number of comparisons in a row whose success tells that a sensor that was found wrong is right after all.
+/// A sensor that was found wrong counts as right again after this many successful comparisons in a row.
 const SUCCESSES: u32 = 5;
 /// Where the camera may have ridden on somebody, so many failures in a row refute a sensor that has never agreed.
 const DOUBTS: u32 = 5;

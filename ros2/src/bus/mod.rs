@@ -216,7 +216,7 @@ impl Bus {
 
     /// Waits until something may have come, at most so long, and takes note of who came and went.
     pub fn wait(&mut self, most: Duration) {
-        // Interrupted by a signal: the caller that waits looks why.
+        // A signal may interrupt the wait; the waiting caller checks for it.
         let _ = self.poll.poll(&mut self.events, Some(most));
         while let Some(event) = self.status.try_recv_status() {
             match event {

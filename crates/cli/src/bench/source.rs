@@ -29,7 +29,7 @@ impl Source {
     pub(crate) fn of(path: &Path) -> Result<Self, Failure> {
         let scene = path.to_str().and_then(|p| p.strip_prefix(PREFIX));
         match scene {
-            // A folder of such a name can be written with ./ before it.
+            // A folder whose name starts with the prefix can be given as `./name`.
             Some(scene) => {
                 // Building one frame's worth of a scene is the check that its name is one.
                 let config = SimulatorConfig {

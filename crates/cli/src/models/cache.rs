@@ -6,7 +6,7 @@ use crate::spelling;
 use stillpoint::inference::Cache;
 use stillpoint::models::{known, known_models};
 
-/// The model that is suggested to users who have none.
+/// The model suggested to users who have none.
 pub(crate) const SUGGESTED: &str = "yolox-nano";
 /// More edits than this share of a name make it another name.
 const MISTYPED: f64 = 0.4;

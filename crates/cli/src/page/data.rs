@@ -29,7 +29,7 @@ pub(crate) fn of_session(
 ) -> RunData {
     let mut run = RunData {
         name: name(&setup.input.name),
-        // As a reader of `summary.json` has it, to the last digit.
+        // Parsed from the text of `summary.json`, so that both agree to the last digit.
         summary: serde_json::from_str(summary).unwrap_or(Value::Null),
         config: setup.config_text.clone(),
         command: setup.command.clone(),

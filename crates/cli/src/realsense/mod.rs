@@ -87,7 +87,7 @@ impl Device for Recorded {
         Ok(Box::new(Recording {
             mount: self.camera().imu,
             recorder: Some(self.recorder.clone()),
-            // A recording has colours even where nobody looks at them now.
+            // Colours are recorded even while nobody watches.
             frames: self.device.frames(true)?,
         }))
     }

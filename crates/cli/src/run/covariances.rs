@@ -4,7 +4,7 @@ use crate::run::session::Poses;
 use std::fmt::Write;
 use stillpoint::geometry::Mat6;
 
-/// The head of the file: the conventions, as smfeval reads them, and the columns.
+/// The header of the file: the conventions in the notation of smfeval, then the columns.
 const HEAD: &str = "#%TANGENT_CONVENTION right_perturbation
 #%TANGENT_ORDER translation_rotation
 # truth = pose * exp(e); lower triangle of the covariance of e, row by row: m^2, m rad, rad^2

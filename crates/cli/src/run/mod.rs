@@ -173,7 +173,7 @@ fn every(n: u32) -> String {
     }
 }
 
-/// The detector. What runs it in a live run gives way to tracking: so do the threads that a network brings, which have the priority
+/// Loads the detector. In a live run its thread gives way to tracking. So do the threads of its network, which inherit the priority
 /// of the thread that starts them.
 fn load_detector(
     args: &RunArgs,

@@ -1,4 +1,4 @@
-//! Counts while frames go by, no matter what drives them, and what a pass gave in the end.
+//! Counts frames, whatever driver processes them, and collects the results of a pass.
 
 use crate::console::{self, counted};
 use crate::run::frames::Frames;

@@ -74,7 +74,7 @@ fn answer(stream: &mut TcpStream, status: &str, kind: &str, body: &[u8]) -> Resu
     write_within(stream, &[head.as_bytes(), body].concat(), UPDATE)
 }
 
-/// Tells what is new until the run ends, or the listener is gone.
+/// Sends news to the listener until the run ends or the listener leaves.
 fn tell(stream: &mut TcpStream, shared: &Shared) -> Result<()> {
     let head = format!(
         "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n{HEADERS}\r\nretry: 2000\n\n"

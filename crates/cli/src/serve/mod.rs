@@ -149,7 +149,7 @@ impl Shared {
         self.signal.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits until something is new to a client that has `seen` so much, or for a time. Gives the last event once there is one.
+    /// Waits for a change that a client at count `seen` does not know, at most for `time`. Returns the last event once there is one.
     fn wait(&self, seen: &mut Option<u64>, time: Duration) -> Last {
         let waits = |s: &mut Signal| *seen == Some(s.count) && s.last.is_none();
         let signal = self.changed.wait_timeout_while(self.signal(), time, waits);

@@ -60,7 +60,7 @@ const SLOW: Refusal = Refusal(
     "expected a whole request within seconds",
 );
 
-/// Reads a request up to its empty line. None where the client that began it left.
+/// Reads a request up to its empty line. Returns none if the client left before that.
 pub(super) fn read(stream: &mut TcpStream, patience: Duration) -> Option<Result<Vec<u8>, Refusal>> {
     let deadline = Instant::now() + patience;
     let (mut head, mut buffer) = (Vec::new(), [0; 2048]);
@@ -153,7 +153,7 @@ fn within<'a>(path: &'a str, root: &str) -> Option<&'a str> {
 }
 
 /// Whether a `Host` is this place: a number, which nobody can have lead elsewhere, `localhost`, or the name that the user gave. The port
-/// is that of the program that forwards to here, if one does.
+/// may be any: a program that forwards connections to this one has its own.
 fn is_here(host: &str, name: &str) -> bool {
     let is_port = |p: &str| !p.is_empty() && p.len() <= 5 && p.bytes().all(|b| b.is_ascii_digit());
     if let Some(rest) = host.strip_prefix('[') {

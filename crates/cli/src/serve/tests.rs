@@ -222,7 +222,7 @@ fn connections_that_ask_for_nothing_keep_nobody_out() {
         assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
     }
     assert!(connections() <= CONNECTIONS);
-    // A page that has asked stays.
+    // A page that sent its request stays connected.
     served.step();
     assert!(page.next().is_some());
     drop(idle);

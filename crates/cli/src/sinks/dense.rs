@@ -16,9 +16,9 @@ use stillpoint::live::Watch;
 use stillpoint::map::MapView;
 use stillpoint::slam::{Event, Subscriber};
 
-/// Least time between two looks at the surface of a run that goes on.
+/// Least time between two looks at the surface during a run.
 const SHOWN: Duration = Duration::from_secs(3);
-/// Least time between two looks at the surface, as a multiple of the time that one takes: looks take 5 % of a core at most.
+/// Least time between two looks at the surface, as a multiple of the time that one look takes: looks use at most 5 % of a core.
 const SHOWN_SHARE: u32 = 20;
 
 /// What is asked for.

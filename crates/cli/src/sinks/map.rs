@@ -50,7 +50,7 @@ impl Sink for MapSink {
         Ok(())
     }
 
-    /// Saves the map of a run that cannot go on. What else there was is lost, and a user who mapped for an hour wants to go on from there.
+    /// Saves the map of a run that cannot go on, so that the user can continue from it. All other results are lost.
     fn rescue(self: Box<Self>, left: &Left<'_>) {
         let map = left.map.filter(|m| m.view().keyframe_count() > 0);
         let Some(map) = map.filter(|_| left.frames > 0) else {

@@ -91,7 +91,7 @@ impl SharedRecorder {
 enum RecordingFile {
     /// A file of its own.
     Own(Box<MessageFile>),
-    /// A file that a camera writes to as well; the code that opened it finishes it.
+    /// A file that a camera also writes to. The code that opened the file finishes it.
     Shared(SharedRecorder),
 }
 

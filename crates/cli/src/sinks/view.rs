@@ -28,7 +28,7 @@ const SHOWN: usize = 128;
 const PICTURE: Duration = Duration::from_millis(60);
 /// Least time between two looks at the map.
 const MAP: Duration = Duration::from_millis(500);
-/// Least time between two looks at the map, as a multiple of the time that one takes: looks take 5 % of a core at most.
+/// Least time between two looks at the map, as a multiple of the time that one look takes: looks use at most 5 % of a core.
 const MAP_SHARE: u32 = 20;
 
 /// Between two questions how the threads are: those that are asked hold still for a moment.
@@ -245,7 +245,7 @@ impl Sink for PageView {
         }
         Some(Subscription {
             name: VIEW,
-            // A person who looks wants to see what is now; no frame waits for that, even where none is dropped.
+            // Viewers want the newest state. No frame waits for them, even in runs that drop no frames.
             delivery: Delivery::newest(SHOWN).with_images(PICTURES, 2),
         })
     }

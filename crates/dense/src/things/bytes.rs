@@ -317,7 +317,7 @@ mod tests {
         let bytes = old.to_bytes();
         let before = [WITHOUT_GROUND, &bytes[8..bytes.len() - 4]].concat();
         assert_eq!(ThingMap::from_bytes(&before), Ok(old));
-        // What was written before things had hidden sides is read as well.
+        // The format before hidden sides can still be read.
         let mut old = map(vec![Record {
             class: ClassId(56),
             found: 5,

@@ -21,20 +21,20 @@ const MARGIN: f32 = 4.0;
 const MARGIN_SHARE: f32 = 0.06;
 /// Share of the boxes that a point may be outside of.
 const MOST_OUTSIDE: f64 = 0.25;
-/// Share of the boxes that a point has to be in.
+/// Least share of the boxes that must contain a point.
 const LEAST_WITHIN: f64 = 0.15;
 /// What is lower above the floor is the floor, m.
 const SOLE: f64 = 0.05;
-/// Points that are nearer to each other than so many cells are of one piece.
+/// Points closer to each other than this many cells belong to one piece.
 const LINK_CELLS: f64 = 2.5;
-/// Points that are nearer to each other than so many points of the small image, across and along the line of sight, are of one piece:
-/// surfaces are seen under up to 70 degrees.
+/// Points closer to each other than this many points of the small image, across and along the line of sight, belong to one piece:
+/// surfaces are seen at angles of up to 70 degrees.
 const LINK_POINTS: [f64; 2] = [1.7, 2.5];
 /// What the share of a box that is filled counts beside how well its borders are met.
 const FILL: f64 = 0.25;
 /// A further piece has to make the borders better by this.
 const GAIN: f64 = 0.02;
-/// A further piece has to be nearer than this share of the size of what was chosen.
+/// A further piece must be closer to the chosen pieces than this share of their size.
 const GAP: f64 = 0.4;
 
 /// What is at the depth that the tracker took for its object is taken, where it meets the borders no worse than by this.

@@ -11,9 +11,9 @@ use stillpoint_map::SubmapId;
 
 /// Side of the cells in which points are claimed, m.
 const CELL: f64 = 0.05;
-/// Surfaces that meet the borders of their boxes less well than this claim nothing.
+/// A surface claims points only if it meets the borders of its boxes at least this well.
 const LEAST_FIT: f64 = 0.6;
-/// Surfaces that were found in fewer looks claim nothing.
+/// A surface claims points only if it was found in at least this many looks.
 const LEAST_LOOKS: usize = 4;
 
 /// Who claims something.

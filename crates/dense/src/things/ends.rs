@@ -23,9 +23,9 @@ const SIZES: [(&str, [[f64; 2]; 2]); 10] = [
 ];
 /// Places beyond a side are looked at in steps of this, m.
 const STEP: f64 = 0.05;
-/// A side ends where this share of what would be beyond it was seen to be empty.
+/// A side ends where this share of the places beyond it was seen empty.
 const FREE: f64 = 0.5;
-/// A place is empty where so many looks show it: depth at borders of things is of what is behind them at times.
+/// A place is empty if this many looks show it empty: at the borders of things, depth is sometimes that of the background.
 const LEAST_LOOKS: usize = 2;
 /// Looks that are asked, at most: more say the same again.
 const MOST_LOOKS: usize = 100;
@@ -275,7 +275,7 @@ mod tests {
         let thin = completed("chair", &[], &[front, side]);
         assert!(thin.size.y < 0.1, "{thin:?}");
         assert_eq!(completed("tv", &[], &[front]), sheet());
-        // An earlier run that saw where the chair ends is believed.
+        // If an earlier run saw where the chair ends, that end is used.
         assert_eq!(completed("chair", &[sheet()], &[front]), sheet());
     }
 

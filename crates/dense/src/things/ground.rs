@@ -16,9 +16,9 @@ const SIDE: f64 = 0.1;
 const WALLS: [f64; 2] = [1.35, 1.95];
 /// Heights at which a line of sight shows that one can be there, m.
 const BAND: [f64; 2] = [0.05, 1.95];
-/// Walls are looked for at every so many points of the small image, along its rows and columns.
+/// Step between points of the small image that are searched for walls, along its rows and columns, in points.
 const WALL_STEP: usize = 2;
-/// Lines of sight are followed to every so many points of the small image, along its rows and columns.
+/// Step between points of the small image whose lines of sight are followed, along its rows and columns, in points.
 const RAY_STEP: usize = 4;
 /// Farther points are too uncertain for cells of this size, m.
 const FAR: f64 = 5.0;
@@ -26,7 +26,7 @@ const FAR: f64 = 5.0;
 const MOST_LOOKS: usize = 600;
 /// Points that make a wall, at least.
 const LEAST_POINTS: u32 = 3;
-/// Points that make a wall, at least, per line of sight through the cell: depth at the edges of things is of what is behind them at times.
+/// Least number of wall points per line of sight through the cell: at the edges of things, depth is sometimes that of the background.
 const LEAST_SHARE: f64 = 0.3;
 /// What an earlier run knew counts as so many points or lines of sight.
 const KNOWN: u32 = 6;

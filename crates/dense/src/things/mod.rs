@@ -61,7 +61,7 @@ pub struct Thing {
 
 /// Things of less confidence are kept, but not said: they were seen too little so far.
 const LEAST_CONFIDENCE: f64 = 0.2;
-/// Things that were found in fewer looks are kept, but not said.
+/// Things found in fewer looks are kept but not reported.
 const LEAST_FOUND: u32 = 4;
 
 /// What is known of the things in a map. Everything hangs on keyframes, so that it moves with them.

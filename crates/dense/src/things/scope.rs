@@ -20,9 +20,9 @@ const LONGEST: [(&str, f64); 9] = [
 ];
 /// What is seen along its length at times.
 const LONG: [&str; 4] = ["bench", "couch", "bed", "dining table"];
-/// How far back a thing reaches at most, as a multiple of how wide or high its box is.
+/// Largest extent of a thing in depth, as a multiple of the width or height of its box.
 const DEEP: f64 = 1.5;
-/// How far back a thing of [`LONG`] reaches at most, as a multiple of how wide or high its box is.
+/// Largest extent of a thing of [`LONG`] in depth, as a multiple of the width or height of its box.
 const DEEP_IF_LONG: f64 = 3.0;
 /// From the longest side to the diagonal.
 const DIAGONAL: f64 = 1.2;

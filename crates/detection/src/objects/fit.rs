@@ -55,7 +55,7 @@ impl Track {
             Some(_) => SAME_BOX_SAME_DEPTH,
             None => HALF,
         };
-        // Of a person who comes in, the border of the image hides most at first, and the box shows background.
+        // At first, the image border hides most of a person who enters, and the box shows background.
         let comes_in = self.fresh < 2 * LOOKS && self.cut;
         let (own, new) = (&expected.bounds, &m.detection.bounds);
         // What nothing cuts does not shrink at once, though sides that were cut before are known vaguely.

@@ -51,7 +51,7 @@ impl Place {
         self.last = Some((at - self.lag, stamp));
     }
 
-    /// The object continues one that was out of sight: its way to here was not seen.
+    /// The object continues one that was out of sight, and its path to this place was not seen.
     pub(super) fn begin_anew(&mut self) {
         self.anew = true;
     }

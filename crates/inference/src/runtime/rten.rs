@@ -48,7 +48,7 @@ impl RtenSession {
 /// What some work gives, or what it panicked with, on one line: on graphs that contradict themselves `rten` may.
 fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     GUARDED.fetch_add(1, Ordering::SeqCst);
-    // The caller throws away what the work has touched.
+    // Unwinding is safe here: the caller discards everything that the work touched.
     let done = catch_unwind(AssertUnwindSafe(work));
     GUARDED.fetch_sub(1, Ordering::SeqCst);
     done.map_err(|panic| format!("a panic: {}", said(&*panic)))

@@ -35,7 +35,7 @@ enum Rule {
 
 impl Delivery {
     /// Every event in order, as long as no more than so many wait (at least 1); those that find no room are left out. Without images.
-    /// For listeners that count or write: at 30 Hz 4096 are about a minute.
+    /// For listeners that count or write. At 30 Hz, 4096 events are about a minute.
     #[must_use]
     pub fn until_full(events: usize) -> Self {
         Self {
@@ -46,8 +46,8 @@ impl Delivery {
         }
     }
 
-    /// Of each kind of event the newest, so many at most (at least 1): older ones give way. Without images. For listeners that show what
-    /// is now.
+    /// The newest `events` of each kind (at least 1); older ones are dropped. Without images. For listeners that show the
+    /// current state.
     #[must_use]
     pub fn newest(events: usize) -> Self {
         Self {
@@ -246,7 +246,7 @@ impl Audience {
     }
 }
 
-/// Events of a live run as they happen, for callers that ask for them. Ends when the run does; dropping it ends it as well.
+/// Events of a live run as they happen, for callers that poll. They end with the run, or when this is dropped.
 pub struct Events {
     queue: Queue,
 }

@@ -1,7 +1,7 @@
 //! The map as bytes, and back.
 //!
 //! Answers: what a map file holds, whether bytes are one, and whether they describe a map that can be used. Reads and writes
-//! no files: see `docs/map-file.md` for the format and for what a program that writes it to a disk has to observe.
+//! no files: `docs/map-file.md` describes the format and the rules for programs that write it to a disk.
 //!
 //! What is stored: everything that cannot be computed again bit for bit. The inverse index, the counts of observers and the
 //! buckets of each keyframe are computed again.

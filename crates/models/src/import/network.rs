@@ -1,5 +1,5 @@
 //! The network as a graph of operations: every layer with what goes into it, and the channels and stride of every map on the way, so that
-//! what does not fit together is said here and not by the program that runs it.
+//! mismatches are reported here and not by the program that runs it.
 
 use super::error::{ImportError, Result};
 use super::fold::{Convolution, Window};

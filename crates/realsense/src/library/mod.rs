@@ -34,9 +34,9 @@ const SERIAL: c_int = 1;
 const STOPPED: c_int = 3;
 /// Options have numbers below this.
 const MOST_OPTIONS: c_int = 512;
-/// Pairs of images that wait, at most: a second of them.
+/// Largest number of image pairs that wait: one second of them.
 const WAITING: c_int = 30;
-/// Pairs of images and samples of an inertial sensor that wait, at most: a second of them, with samples of up to 400 and 250 Hz.
+/// Largest number of image pairs and inertial samples that wait: one second of them, with samples of up to 400 and 250 Hz.
 const WAITING_INERTIAL: c_int = 700;
 
 /// The library.

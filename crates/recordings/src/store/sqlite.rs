@@ -183,7 +183,7 @@ const FREE_STEPS: u64 = 100_000_000;
 /// Instructions between two looks at how many there were.
 const STEPS: i32 = 100_000;
 
-/// Leaves nothing to a data base but to hold rows: views, triggers and functions of its schema come from the author of the file, and run when they are read.
+/// Restricts a database to its rows: the author of the file can put views, triggers and functions into the schema, which would run on reading.
 /// What SQLite does is bounded by the size of the file: scanning takes some ten instructions for each message.
 fn confine(connection: &mut Connection, bytes: u64) -> rusqlite::Result<()> {
     for (what, on) in [

@@ -263,9 +263,9 @@ fn fetcher() -> Script {
     ([1.9, y, std::f64::consts::PI], stages)
 }
 
-/// The y of the line that the nearer one of a crowd walks along, m: 0.9 m before the camera.
+/// The y coordinate of the line on which the nearer person of a crowd walks, m: 0.9 m in front of the camera.
 const NEAR_LINE: f64 = -1.15;
-/// The y of the line that the farther one of a crowd walks along, m.
+/// The y coordinate of the line on which the farther person of a crowd walks, m.
 const FAR_LINE: f64 = -0.6;
 
 /// Walks to and fro on one side of the picture's middle, then on the other.
@@ -303,7 +303,7 @@ fn coated() -> Script {
 const BLOCKERS_AT: f64 = 0.78;
 /// Angle between the middle of the picture and each person who blocks the view, rad.
 const BLOCKERS_APART: f64 = 0.36;
-/// When people who block the view begin to come, s, and when they leave again.
+/// Time at which people begin to block the view, s, and time at which they leave again.
 const BLOCKERS_COME: f64 = 1.6;
 const BLOCKERS_LEAVE: f64 = 6.2;
 /// Time of a step aside, s.

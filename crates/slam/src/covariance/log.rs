@@ -30,8 +30,8 @@ impl CovarianceLog {
         self.0.insert(frame, triangle);
     }
 
-    /// The covariances of poses of one map. A frame that was never noted, as the first one, has the covariance of the next frame that was, else of the last one before it; none
-    /// where no frame was noted.
+    /// The covariances of the poses of one map. A frame that was never noted, such as the first one, takes the covariance of the next noted frame, or else
+    /// of the last noted one. Returns none if no frame was noted.
     #[must_use]
     pub fn of(
         &self,

@@ -1,7 +1,7 @@
-//! The error of the map itself. A keyframe has the error of the keyframe that it was tracked from, and one of its own.
+//! The error of the map itself. A keyframe inherits the error of the keyframe that it was tracked from, and adds one of its own.
 //!
-//! The first keyframe defines the origin of a map, without an error. A pose that shares landmarks with the first keyframe errs by its own measurement only. Farther away,
-//! landmarks were placed from poses that err, and errors add up from view to view.
+//! The first keyframe defines the origin of a map and has no error. A pose that shares landmarks with it has only the error of its own measurement.
+//! Farther away, landmarks were placed from uncertain poses, and errors accumulate from view to view.
 
 use super::moved;
 use crate::least_first::Reached;
@@ -27,7 +27,7 @@ pub struct MapCovariance {
 /// What lies between a keyframe and the one with which its map began.
 #[derive(Clone, Copy, Debug)]
 struct Drift {
-    /// Sum of the differences of the views on the way, in fields of view.
+    /// Sum of the differences between views along the path, in fields of view.
     views: f64,
     /// Of a left perturbation of `world_from_camera`.
     covariance: Mat6,
@@ -39,7 +39,7 @@ impl Drift {
         covariance: Mat6::from_array_storage(ArrayStorage([[0.0; 6]; 6])),
     };
 
-    /// That at the other end of a tie. Beyond the first view, every view that shares nothing with the one before adds the error of one pose.
+    /// The drift at the other end of a tie. Beyond the first view, each view without overlap with the one before adds the error of one pose.
     fn after(&self, tie: &Tie) -> Self {
         let views = self.views + tie.views;
         let new = views.max(1.0) - self.views.max(1.0);
@@ -79,7 +79,7 @@ impl MapCovariance {
         self.waiting.push(keyframe);
     }
 
-    /// Takes a version of the map. New keyframes get the error of the keyframes that they were tracked from; after a loop all keyframes get that along the least way.
+    /// Takes a version of the map. A new keyframe inherits the drift of its parent. After a loop, all keyframes get the drift along their shortest path.
     pub fn follow(&mut self, view: &MapView) {
         let loops = view.loops().count();
         if loops != self.loops {
@@ -103,7 +103,7 @@ impl MapCovariance {
         }
     }
 
-    /// Covariance of the map's error at a pose that was measured from a keyframe, in the axes of the camera there.
+    /// Covariance of the map's error at a pose that was measured from a keyframe, in the axes of the camera at that pose.
     #[must_use]
     pub fn at(&self, view: &MapView, reference: KeyframeId, world_from_camera: &Se3) -> Mat6 {
         let live = view.resolve_keyframe(reference);
@@ -144,7 +144,7 @@ impl MapCovariance {
         }
     }
 
-    /// The ties of keyframes to those that they were tracked from, and of loops: a place that was recognised is one measurement.
+    /// The ties between keyframes and their parents, and between the two ends of each loop. A loop counts as one measurement.
     fn ties(&self, view: &MapView) -> Vec<Tie> {
         let parents = view.keyframes().filter_map(|k| self.tie_to_parent(view, k));
         let loops = view.loops().filter_map(|edge| {
@@ -155,7 +155,7 @@ impl MapCovariance {
         parents.chain(loops).collect()
     }
 
-    /// Of each keyframe, the drift along the least way from the first keyframe of its component.
+    /// The drift of each keyframe along the shortest path from the first keyframe of its component.
     fn least(&self, view: &MapView) -> BTreeMap<KeyframeId, Drift> {
         let ties = self.ties(view);
         let mut of_end: BTreeMap<KeyframeId, Vec<usize>> = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! Health: how well things stand at a frame, for the people and programs that rely on the pose.
+//! Health: the state of the run at a frame, for people and programs that rely on the pose.
 //!
 //! Answers: how good the pose is, how uncertain, what moves, how old is what detection and mapping know, and why the camera is lost. A
 //! pure function of the frames and detections that the tracker took and of what it said of them, so a replay gives the same; times are

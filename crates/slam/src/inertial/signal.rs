@@ -4,9 +4,9 @@ use super::report::SensorFault;
 use stillpoint_geometry::Vec3;
 use stillpoint_imaging::ImuSample;
 
-/// A sensor is stuck where its values stay the same for so long, s.
+/// A sensor is stuck only if its values stay the same for this time, s.
 const STUCK_S: f64 = 0.2;
-/// A sensor is stuck where its values repeat at least this many times in a row: noise changes the last digit of six values all the time.
+/// A sensor is stuck only if its values repeat at least this many times in a row: noise always changes the last digit of some of the six values.
 const STUCK_COUNT: u32 = 10;
 /// Samples that the noise is taken over.
 const WINDOW: f64 = 200.0;

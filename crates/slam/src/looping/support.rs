@@ -47,7 +47,7 @@ pub(super) fn held(
                 reached[*other as usize] += 1;
             }
         }
-        // A node that did not have enough before may have it now; each pass holds one more node at least, or is the last.
+        // A node without enough support before may have enough now. Each pass holds at least one more node, or is the last.
         let next = (0..count).filter(|n| !held[*n] && reached[*n] as usize >= min_held.max(1));
         let tells = |n: &usize| {
             let camera_from_world = poses[*n].inverse();

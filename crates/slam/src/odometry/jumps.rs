@@ -5,9 +5,9 @@ use stillpoint_geometry::{Se3, Vec3, so3};
 
 /// Length of the window over which jumps are averaged, samples.
 const WINDOW: f64 = 50.0;
-/// Least length from which the average of the jumps tells something, samples.
+/// Least number of jumps whose average is meaningful, samples.
 const LEAST: f64 = 20.0;
-/// A base that was set to another place has jumped once, which counts for so much at most.
+/// A single jump counts for at most this much in the average: a base that was set to another place jumps only once.
 const MOST: f64 = 8.0;
 /// Largest acceleration of a base from step to step, m/s^2.
 const ACCELERATION: f64 = 10.0;

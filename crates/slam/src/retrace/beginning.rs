@@ -8,11 +8,11 @@ use stillpoint_detection::Detections;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::MapView;
 
-/// Where nothing has moved until so long after a map was begun, nothing is taken to move, s.
+/// If nothing has moved for this time after the start of a map, the scene is taken as static, s.
 const QUIET: f64 = 0.8;
-/// Time after a map was begun from which motion is seen, s: depths are compared with those of 0.2 s before.
+/// Motion can be seen from this time after the start of a map, s: depths are compared with those of 0.2 s before.
 const SEEN: f64 = 0.3;
-/// Nothing moves while less than this share of the keypoints seems to move: single ones do so everywhere.
+/// The scene counts as static while less than this share of the keypoints seems to move: single keypoints do so in every scene.
 const QUIET_SHARE: f64 = 0.1;
 
 /// Frames are kept up to this, bytes: 150 of 640x480. Larger or faster cameras go without.

@@ -25,9 +25,9 @@ const KNOWN: f64 = 1.2;
 const MOST: f64 = 3.0;
 /// From so long after it on there is enough of a map to go back from, s.
 const RETRACED: f64 = 1.8;
-/// Number of frames that are tracked again after each new one: with so many, the way back is over within a second.
+/// Number of frames that are tracked again after each new one: at this rate, the way back ends within a second.
 const PER_FRAME: usize = 2;
-/// Time between frames below which only one frame is tracked again after each new one, s: there is no time for more before the next.
+/// If the time between frames is below this, only one frame is tracked again after each new one, s: there is no time for more.
 const FAST: f64 = 1.0 / 45.0;
 
 /// Tracks the first frames of every map and submap again.

@@ -14,13 +14,13 @@ use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::Map;
 
-/// The way there and the way back agree on a pose while they differ by no more than this, m: each errs by as much within a second and a half.
+/// The way there and the way back agree on a pose if they differ by no more than this, m: each drifts by as much within a second and a half.
 const AGREE_M: f64 = 0.03;
-/// The way there and the way back agree on a pose while they differ by no more than this angle, rad.
+/// The way there and the way back agree on a pose if they differ by no more than this angle, rad.
 const AGREE_RAD: f64 = 0.026;
-/// The way back is not believed where the camera jerks on it by more than this factor of its jerks on the way there. Where the pose begins or ceases to follow
-/// a person who walks, its velocity changes at once; that of a carried camera does not. The camera's momentum, which the way there does not know of yet, takes
-/// a quarter of the jerks away on the way back.
+/// The way back is rejected if its jerks exceed those of the way there times this factor. When the pose begins or ceases to follow a person who walks, its
+/// velocity changes at once; that of a carried camera does not. The way back knows the camera's momentum, which removes a quarter of its jerks; the way there
+/// does not know the momentum yet.
 const MAX_JERKS: f64 = 1.0;
 /// How far what is seen lies, m: what a turn moves by as much as a shift.
 const TYPICAL_DEPTH: f64 = 2.0;
@@ -119,8 +119,8 @@ impl WayBack {
         }
     }
 
-    /// Compares both ways. Where they do not agree, the way back is taken: it replaces the poses of the tracker's trajectory. Returns what the mapper is to take back
-    /// then.
+    /// Compares both ways. If they disagree, the way back replaces the poses of the tracker's trajectory, and the returned message tells the mapper what to
+    /// revoke.
     pub(super) fn settle(&self, tracker: &mut Tracker) -> Option<MapperMsg> {
         let view = tracker.view();
         // A turning point that went to another map meanwhile tells nothing.
@@ -233,8 +233,8 @@ impl WayBack {
     }
 }
 
-/// Where the frames up to `last` are, which both ways have, oldest first: by the way back. Of a frame that has no pose on it the way there tells its motion to the next one
-/// that both have.
+/// Poses by the way back of all frames up to `last` that either way has, oldest first. A frame without a pose on the way back gets its motion to the next
+/// frame that both ways have from the way there.
 fn joined<'a>(there: &'a Way, back: &'a Way, last: FrameId) -> Vec<(FrameId, Se3, &'a Seen)> {
     let posed = there.range(..=last).chain(back.range(..=last));
     let frames: BTreeSet<FrameId> = posed.map(|(id, _)| *id).collect();

@@ -12,9 +12,9 @@ use stillpoint_imaging::{DepthImage, RgbdFrame};
 
 /// What has no depth and is so near something that moves may be a part of it, cells: dark clothes below a face, hair above it.
 const NEAR_CELLS: usize = 3;
-/// Number of corners without depth near a pixel from which their flow tells whether it moves.
+/// Least number of corners without depth near a pixel whose flow decides whether the pixel moves.
 const HOLE_VOTES: u32 = 4;
-/// A pixel without depth moves where more than this share of the corners without depth near it moves by its flow.
+/// A pixel without depth moves if the flow of more than this share of the corners without depth near it shows motion.
 const HOLE_SHARE: f64 = 0.75;
 
 impl StaticFilter {

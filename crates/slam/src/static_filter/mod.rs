@@ -67,8 +67,8 @@ pub(crate) struct FrameInput<'a> {
     pub(crate) pairs: &'a [Option<FlowPair>],
     /// The camera's motion back to the frame before.
     pub(crate) last_from_now: Se3,
-    /// Whether little else than corners without depth tells how the camera moves. Then all of these are kept, whatever they do: where the pose follows a person
-    /// who fills the view, they show it.
+    /// Whether the camera's motion rests on little else than corners without depth. Then all of these corners are kept, even if they move: if the pose follows
+    /// a person who fills the view, they reveal it.
     pub(crate) few: bool,
 }
 

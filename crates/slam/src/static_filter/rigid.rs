@@ -11,9 +11,9 @@ const MOVING_PX: f64 = 2.0;
 const STATIC_PX: f64 = 1.2;
 /// A moving feature is this much farther than what is typical of the frame: the pose before the filter may be off by pixels.
 const EXCESS: f64 = 4.0;
-/// A moving feature is at least this many of its own standard deviations from where a static scene would have it.
+/// A moving feature is at least this many of its own standard deviations from its expected place in a static scene.
 const MOVING_SIGMAS: f64 = 4.0;
-/// A feature agrees with a static scene while it is less than this many of its own standard deviations from where that scene would have it.
+/// A feature agrees with a static scene if it is less than this many of its own standard deviations from its expected place in that scene.
 const STATIC_SIGMAS: f64 = 2.0;
 /// With this typical distance the flow of a frame counts half, px: the pose before the filter, or a shutter that was bent aside, is
 /// behind most of what seems to move then.

@@ -7,7 +7,7 @@ use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 use stillpoint_features::OrbConfig;
 
-/// What of the configuration concerns the tracker: made from a [`Config`](crate::Config).
+/// The part of the configuration that the tracker uses, made from a [`Config`](crate::Config).
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackerSetup {
     /// How poses are tracked.
@@ -18,7 +18,7 @@ pub struct TrackerSetup {
     pub features: OrbConfig,
     /// The depth sensor's range and noise.
     pub sensor: SensorConfig,
-    /// What moves.
+    /// The setup of the static filter.
     pub filter: FilterSetup,
     /// Seed of every random choice.
     pub seed: u64,

@@ -136,7 +136,7 @@ impl Tracker {
             None
         };
         let found = self.vote_by_descriptors(frame, data);
-        // Where a person fills the view, most descriptors are of that person.
+        // If a person fills the view, most descriptors lie on that person.
         let may_ride = self.known_since_last().is_some_and(|k| self.may_ride(&k));
         let found = found.filter(|v| !may_ride && self.may_be(&v.camera_from_world));
         let start = found.as_ref().map_or(*predicted, |v| v.camera_from_world);

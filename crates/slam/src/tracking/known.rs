@@ -13,13 +13,13 @@ use std::collections::VecDeque;
 use stillpoint_estimation::{KnownShift, KnownTurn};
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A motion is not the camera's where it differs from what a sensor says by more than this many of the sensor's standard deviations.
+/// A motion cannot be the camera's if it differs from the sensor's by more than this many of the sensor's standard deviations.
 const GATE_SIGMAS: f64 = 4.0;
-/// Error of poses that is added when a motion is compared with a sensor, rad: 0.3 degrees, of a blurred image with a rolling shutter.
+/// Pose error that is allowed for when a motion is compared with a sensor, rad: 0.3 degrees, that of a blurred image with a rolling shutter.
 pub(super) const GATE_POSE: f64 = 0.005;
-/// Error of poses that is added when a motion is compared with a sensor, m.
+/// Pose error that is allowed for when a motion is compared with a sensor, m.
 const GATE_POSE_M: f64 = 0.005;
-/// Error of stamps that is added when a motion is compared with a sensor, s.
+/// Stamp error that is allowed for when a motion is compared with a sensor, s.
 const GATE_TIME: f64 = 0.002;
 /// Poses are compared with those of so long before, s: who rides on somebody who turns slowly is found out in time.
 const COMPARED_S: [f64; 3] = [0.0, 0.2, 1.0];

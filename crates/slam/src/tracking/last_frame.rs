@@ -17,9 +17,9 @@ use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
 
 /// Radius of the search around the prediction from the last frame, px on level 0, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MOTION_RADIUS_PX: f32 = 15.0;
-/// Number of keyframes most covisible with the reference keyframe that are tried when the last frame does not match.
+/// If the last frame does not match, this many keyframes are tried that are most covisible with the reference keyframe.
 const COVISIBLE: usize = 8;
-/// Number of the newest keyframes that are tried when the last frame does not match.
+/// If the last frame does not match, this many of the newest keyframes are tried.
 const NEWEST: usize = 4;
 
 impl Tracker {

@@ -18,22 +18,22 @@ const LEARNT_WITHIN: f64 = 0.3;
 const MOST_CHANGE: f64 = 8.0;
 /// Largest acceleration that is learned, m/s^2.
 const MOST_ACCELERATION: f64 = 15.0;
-/// A camera moves by so much before anything is known, m/s, one standard deviation along each axis: as nearly any camera does, since half a metre per second,
-/// which is much for a hand, pulls at the poses of a hand that moves as fast.
+/// Prior of the camera's velocity before anything is known, m/s, one standard deviation along each axis: wide enough for nearly any camera. A prior of half
+/// a metre per second, which is much for a hand, biases the poses of a hand that moves as fast.
 const SPEED: f64 = 3.0;
 /// A place that is farther from where it was expected than so many standard deviations was found otherwise than by following.
 const GATE_SIGMAS: f64 = 5.0;
 
 /// Factor by which the error of a pose exceeds what the variances of its matches tell: a person who walks, or blur, shifts many of them alike.
 const POSE_FACTOR: f64 = 1.5;
-/// Factor that an unsteady shutter adds in quadrature to the error of a pose, per pixel by which it moves rows that are a quarter of the image from the middle.
+/// Factor that an unsteady shutter adds in quadrature to the error of a pose, per pixel by which it shifts the rows a quarter of the image from the middle.
 const UNSTEADY_FACTOR: f64 = 2.5;
 /// Factor by which the error of a vote of the flow exceeds what the variances of its pairs tell, for the same reason.
 const VOTE_FACTOR: f64 = 1.5;
-/// Factor that people add in quadrature to the error of a pose or vote, times the share of what is seen that moves: the more people are about, the more of them pass
-/// for the room, and all of one person errs alike from frame to frame.
+/// Factor that people add in quadrature to the error of a pose or vote, times the share of the view that moves. The more people are in view, the more of them
+/// pass for the room, and all points of one person err alike from frame to frame.
 const CROWD_FACTOR: f64 = 5.0;
-/// Poses tell how the camera is accelerated only where the unsteady shutter moves rows by less than this, px.
+/// The camera's acceleration is learned only from poses where the unsteady shutter moves rows by less than this, px.
 const CALM_PX: f64 = 0.5;
 /// Nobody is about when a map is begun where no more than a tenth moves for so long, s.
 const QUIET: f64 = 0.5;

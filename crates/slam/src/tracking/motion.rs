@@ -5,9 +5,9 @@ use stillpoint_geometry::{Se3, Vec3, Vec6};
 
 /// While no change of turning is known, it may have begun within the frame: a share of the turning.
 const UNSTEADY_FIRST: f64 = 0.5;
-/// Share of the last change of turning by which the next one may differ from it.
+/// The next change of the turning rate may differ from the last change by this share of it.
 const UNSTEADY_CHANGE: f64 = 0.5;
-/// Share of the turning by which the next change of turning may differ in addition: a fast turn is not steady.
+/// The next change of the turning rate may differ in addition by this share of the rate: a fast turn is not steady.
 const UNSTEADY_TURN: f64 = 0.2;
 
 /// Where a gyroscope tells the turning at both poses, the share of its change that is left: rows are exposed for less than a frame's time.

@@ -213,7 +213,7 @@ impl Tracker {
     ) -> Option<NewKeyframe> {
         let Solution { data, matches, .. } = solution;
         let _span = tracing::info_span!("keyframe").entered();
-        // A map of a person who filled the view a moment ago would be none of the room.
+        // If a person filled the view a moment ago, the keyframe would map the person and not the room.
         if !self.map.grows || self.was_blind() || self.first_keyframe.is_some() {
             return None;
         }

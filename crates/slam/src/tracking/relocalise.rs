@@ -20,11 +20,11 @@ const CANDIDATES: usize = 6;
 
 /// Landmarks that must agree with the pose, as a share of those in the image. The same poster in two places agrees with a few.
 const MIN_SHARE: f64 = 0.1;
-/// Time in which a camera can be carried anywhere, s. Before, it is no farther from where it was lost than a camera that is thrown.
+/// After this time a lost camera can be anywhere, s. Before that, it is no farther from its last pose than a thrown camera.
 const CARRIED_S: f64 = 1.0;
-/// Distance from its last pose at which a lost camera may be at once, m: that pose is not known exactly.
+/// Distance that a lost camera may have from its last pose at once, m: that pose is uncertain.
 const REACH_M: f64 = 0.5;
-/// Speed at which a lost camera may move away from its last pose, m/s: that of a camera that is thrown.
+/// Speed at which a lost camera may move away from its last pose, m/s: that of a thrown camera.
 const REACH_M_S: f64 = 3.0;
 /// Time to recognise another submap, once the camera can be there, s.
 const RECOGNISED_S: f64 = 0.5;

@@ -1,8 +1,8 @@
 //! The vote of the flow: how the camera moved since the frame before, whatever else moved with it.
 //!
 //! Two things keep a crowd from winning. Every pair has as much say as the surface that it stands for: people are near and their
-//! clothes are full of corners, but a room is large. And agreement is judged sharply: between two frames, a person who walks slowly
-//! past a desk is within a few pixels of some motion that lies between the desk's and the person's own.
+//! clothes are full of corners, but a room is large. And agreement is judged sharply: between two frames, a motion between that of a
+//! desk and that of a person who walks slowly past it fits both to a few pixels.
 
 use super::Tracker;
 use super::choice::Choice;
@@ -17,19 +17,19 @@ use stillpoint_geometry::{Mat6, Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::KeyframeData;
 
-/// Error that is assumed of flow in a sharp image, px, including that of corners on edges and of depths.
+/// Assumed error of the flow in a sharp image, px, including that of corners on edges and of depths.
 const SIGMA_PX: f64 = 0.85;
-/// This many of the standard deviations of a flow pair are added in quadrature to the error that is assumed of it.
+/// This many standard deviations of a flow pair are added in quadrature to its assumed error.
 const SIGMAS: f64 = 5.0;
 /// How sharply agreement is judged: a vote is halved at an eighth of the gate's residual, a third of a pixel, which is what flow errs by.
 const PEAK: f64 = 60.0;
 /// The same of matches by descriptor, which err by a pixel and more.
 const ROUGH_PEAK: f64 = 6.0;
-/// Time after a submap was begun in which it is undecided who moves, s.
+/// For this time after the start of a submap, it is undecided who moves, s.
 pub(super) const UNDECIDED: f64 = 2.0;
-/// Where more than this share of the keypoints moved in the frame before, it is undecided again who moves. A person who has just come into view did nothing yet
-/// to be known by. When the room in view is about equally far everywhere, a turn of the camera looks like a shift, and the few things at another depth decide
-/// which it was.
+/// If more than this share of the keypoints moved in the frame before, it is undecided again who moves: nothing is known yet of a person who has just come
+/// into view. When the room in view is about equally far everywhere, a turn of the camera looks like a shift, and the few things at another depth decide
+/// between both.
 pub(super) const SOME_MOVE: f64 = 0.1;
 /// Where more than this share moved, a crowd may fill the view.
 const CROWD: f64 = 0.35;
@@ -49,8 +49,8 @@ const ROUGH_AGREED: usize = 20;
 const ROUGH_SHARE: f64 = 0.2;
 /// A motion that sensors allow is believed when pairs with this share of the weight agree on it: sensors rule out motions that are not the camera's.
 const MIN_BOUND_SHARE: f64 = 0.1;
-/// Share of the weight, or of the pairs, from which nearly all agree on a motion. It is then believed unless a gyroscope contradicts it or a person may fill
-/// the view.
+/// Share of the weight, or of the pairs, that counts as nearly all. A motion on which nearly all agree is believed unless a gyroscope contradicts it or a
+/// person may fill the view.
 const PLAIN_SHARE: f64 = 0.9;
 /// Side of the blocks of the image that have one say each, px.
 const BLOCK_PX: f64 = 40.0;
@@ -197,7 +197,7 @@ impl Tracker {
         filled && self.rules(known)
     }
 
-    /// What is expected of the motion: what wheels say, or a constant velocity.
+    /// The prior of the motion: from confirmed wheels, or else a constant velocity.
     fn prior(&self, world_from_last: &Se3, predicted: &Se3, known: Option<&Known>) -> MotionPrior {
         let wheels = known
             .filter(|k| k.confirmed)

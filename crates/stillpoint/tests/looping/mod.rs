@@ -61,7 +61,7 @@ impl Run {
     }
 }
 
-/// Shows each run every `every`-th frame, from `first` on.
+/// Passes every `every`-th frame, from `first` on, to each run.
 fn play(simulator: &Simulator, first: usize, every: usize, runs: &mut [&mut Run]) {
     for i in (first..simulator.len()).step_by(every) {
         let frame = simulator.frame(i);

@@ -61,8 +61,26 @@ fn nees(error: &Vec6, covariance: &Mat6) -> f64 {
 /// undecided who moves, the covariance allows for more.
 #[test]
 fn poses_are_about_as_good_as_their_covariance_says() {
-    let (room, mut system) = (room(), system());
-    let (mut world, mut steps, mut undecided) = (Vec::new(), Vec::new(), 0);
+    // Pooled over seeds: one of them tells the factor to a twentieth.
+    let (mut world, mut steps) = (Vec::new(), Vec::new());
+    for seed in 0..3 {
+        compare_with_covariance(seed, &mut world, &mut steps);
+    }
+    let factor = |nees: &[f64]| (nees.iter().sum::<f64>() / nees.len() as f64 / 6.0).sqrt();
+    let (world, steps) = (factor(&world), factor(&steps));
+    println!("errors by what the covariance tells: {world:.2} in the world, {steps:.2} per step");
+    assert!((0.5..2.0).contains(&world) && (0.5..2.0).contains(&steps));
+}
+
+/// Adds the squared Mahalanobis distance of the errors of a run's poses in the world, and of its steps from frame to frame.
+fn compare_with_covariance(seed: u64, world: &mut Vec<f64>, steps: &mut Vec<f64>) {
+    let config = Config {
+        seed,
+        ..Config::default()
+    };
+    let room = room();
+    let mut system = System::new(config, room.camera, Simd::detect()).unwrap();
+    let (mut posed, mut undecided) = (0, 0);
     let mut last: Option<(Se3, Health, Se3)> = None;
     for (frame, truth) in room.frames.iter().zip(&room.truth) {
         let (report, health) = step(&mut system, frame);
@@ -81,6 +99,7 @@ fn poses_are_about_as_good_as_their_covariance_says() {
             continue;
         }
         world.push(off);
+        posed += 1;
         if let Some((before, health_before, real_before)) = &last {
             let (step, real_step) = (before.inverse() * pose, real_before.inverse() * real);
             let error = (step.inverse() * real_step).log();
@@ -91,13 +110,8 @@ fn poses_are_about_as_good_as_their_covariance_says() {
         assert!(health.quality.value() > 0.5, "{health}");
         assert!((health.static_share + health.dynamic_share - 1.0).abs() < 1e-12);
     }
-    assert_eq!(world.len() + undecided, FRAMES - 1);
+    assert_eq!(posed + undecided, FRAMES - 1);
     assert!((10..30).contains(&undecided), "{undecided}");
-    let factor = |nees: &[f64]| (nees.iter().sum::<f64>() / nees.len() as f64 / 6.0).sqrt();
-    let (world, steps) = (factor(&world), factor(&steps));
-    println!("errors by what the covariance tells: {world:.2} in the world, {steps:.2} per step");
-    // The covariance of a motion is right on average over recordings; in this room it is twice too wide.
-    assert!((0.5..2.0).contains(&world) && (0.4..2.0).contains(&steps));
 }
 
 /// Frame `index` of a stream that shows the room's frame `of` with another image.

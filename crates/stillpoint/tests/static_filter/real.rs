@@ -64,8 +64,8 @@ fn what_drifted_among_people_is_undone() {
     assert_eq!(run.lost(), 0);
 }
 
-/// At 90 to 180 deg/s into a part of the room that was not seen yet, people come in: a shift and a part of a degree look alike, and the camera's momentum decides
-/// between both. Seeds differ: 10 to 37 mm with it (docs/decisions/0044).
+/// People come in while the camera turns at 90 to 180 deg/s into an unseen part of the room. A shift and a part of a degree look alike, and the camera's
+/// momentum decides between both. Errors with it are 10 to 37 mm, depending on the seed (docs/decisions/0044).
 #[test]
 fn a_fast_turn_towards_people_is_held_by_the_momentum() {
     let Some(mut recording) = Recording::real("fr1_rpy_walkers") else {

@@ -1,4 +1,4 @@
-//! Values by number that remember when they changed, so that a reader who knows them as of one version can be told what is new.
+//! Numbered values that record when they changed, so that a reader who knows one version can be told what is new since.
 //!
 //! Every reader asks at a pace of its own: a slow one is told less often, of the newest values alone, and nothing is kept for it.
 

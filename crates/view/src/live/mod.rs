@@ -1,7 +1,7 @@
 //! The page of a run that goes on: what a browser is told of it, and the page that shows it.
 //!
-//! Answers: what is new since a version. [`LivePage`] listens to a run and holds what is shown now; a program that shows it asks for
-//! the [`Update`] since the version that it knows, at a pace of its own, and [`to_html`] is the page that takes them. So a slow reader is told
+//! Answers: what is new since a version. [`LivePage`] listens to a run and holds its current state. A program that shows it requests
+//! the [`Update`] since the version that it knows, at its own pace, and [`to_html`] makes the page that shows updates. So a slow reader is told
 //! less often and of the newest alone, and nothing is kept for anybody; how much is held does not grow with the length of a run. Opens
 //! no sockets, reads no clock, and has no threads: who serves the page says when a picture is wanted, and when the map is to be looked
 //! through.
@@ -123,7 +123,7 @@ impl LivePage {
         }
     }
 
-    /// Takes what the driver of the run measures.
+    /// Takes the measurements of the run's driver.
     pub fn measure(&mut self, measured: Measured) {
         self.now.measured = measured;
     }
@@ -150,8 +150,8 @@ impl LivePage {
         self.frames.follow(self.version);
     }
 
-    /// What changed after a version, with 0 all that there is. Everything that is told with one version is known to a reader who
-    /// asks for what comes after it.
+    /// The changes after a version; after 0, everything. A caller that passes a version must have received all updates up
+    /// to it.
     #[must_use]
     pub fn since(&self, version: u64) -> Update {
         let picture = self.picture.as_ref().filter(|(at, _)| *at > version);
@@ -232,7 +232,7 @@ impl LivePage {
     }
 }
 
-/// For programs that show a run without a clock: with every picture and every map.
+/// For programs that show a run without a clock: it takes every picture and every map.
 impl Subscriber for LivePage {
     fn receive(&mut self, event: &Event) {
         self.take(event, true);

@@ -12,7 +12,7 @@ use stillpoint_slam::{FrameReport, FrameState, Health};
 pub struct Update {
     /// The version that is known with it.
     pub version: u64,
-    /// What does not change: only for readers who know nothing yet.
+    /// The facts that do not change, only for readers who know nothing yet.
     pub about: Option<About>,
     /// Frames.
     pub frames: FrameUpdate,
@@ -64,7 +64,7 @@ pub struct PictureUpdate {
     pub objects: ObjectColumns,
 }
 
-/// What the driver of the run measures.
+/// Measurements of the run's driver.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measured {

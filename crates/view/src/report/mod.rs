@@ -65,7 +65,7 @@ pub enum ReportError {
 #[must_use]
 pub fn to_html(runs: &[RunData]) -> String {
     let data = serde_json::to_string(runs).unwrap_or_default();
-    // Inside of a script element only this could end it. Both are the same to a reader of JSON.
+    // Only `<` could end the script element. Readers of JSON treat it and its escape alike.
     let data = data.replace('<', "\\u003c");
     let title = match runs {
         [run] => run.name.clone(),

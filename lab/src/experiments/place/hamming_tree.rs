@@ -7,7 +7,7 @@ use stillpoint::features::Descriptor;
 
 /// A leaf with more descriptors than this is split.
 const LEAF: usize = 100;
-/// A leaf is split only by a bit that is set in a share of its descriptors this near to a half.
+/// A bit splits a leaf only if the share of descriptors that have it set differs from one half by less than this.
 const BALANCE: f64 = 0.1;
 
 #[derive(Clone)]

@@ -5,7 +5,7 @@ use super::method::Method;
 
 /// Views that share at least this much are the same place.
 const SAME: f64 = 0.3;
-/// Views that share less than this are different places. What lies between this and `SAME` is neither right nor wrong.
+/// Views that share less than this are different places. Views between this and `SAME` count as neither right nor wrong.
 const OTHER: f64 = 0.05;
 /// Keyframes nearer in time are not asked for, s.
 const RECENT: f64 = 5.0;

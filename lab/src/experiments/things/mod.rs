@@ -35,9 +35,9 @@ pub(crate) struct Arguments {
 
 /// Frames in which enough of a thing is in sight, with depth, from which it has to be found: one second.
 const LEAST_FRAMES: usize = 30;
-/// A thing is the true one when their middles are nearer than this, m.
+/// A found thing matches a true one if their centres are closer than this, m.
 const NEAR: f64 = 0.3;
-/// A thing is also the true one when their middles are nearer than this share of the true one's longest side.
+/// A found thing also matches a true one if their centres are closer than this share of the true one's longest side.
 const NEAR_SHARE: f64 = 0.35;
 /// Bars.
 const RECALL: f64 = 0.9;

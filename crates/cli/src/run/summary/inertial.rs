@@ -7,11 +7,11 @@ use std::fmt::Write;
 use stillpoint::map::SubmapId;
 use stillpoint::slam::{FrameReport, InertialState, Outcome};
 
-/// A mount is worth a word when it is off by more than this, rad: a degree.
+/// A mount is mentioned only when it is off by more than this, rad: a degree.
 const TELLING_TURN: f64 = 0.0175;
-/// A clock is worth a word when it is off by more than this, s.
+/// A clock is mentioned only when it is off by more than this, s.
 const TELLING_OFFSET: f64 = 2e-3;
-/// Mounts and clocks are worth a word only when they are off by more than so many standard deviations.
+/// A mount or clock is mentioned only when it is off by more than this many standard deviations.
 const CERTAIN: f64 = 4.0;
 
 /// The inertial sensor, as known in the end.

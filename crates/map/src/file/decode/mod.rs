@@ -96,7 +96,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Reads the bytes of one part, which errors name.
+/// A reader for the bytes of one part. Errors name the part.
 fn reader(part: Part, bytes: &[u8]) -> Reader<'_> {
     Reader::new(part.name(), bytes)
 }
