@@ -148,13 +148,25 @@ impl Picture {
     /// Mixes a colour into a pixel: `coverage` 0 leaves it, 1 replaces it.
     pub(crate) fn blend(&mut self, x: i64, y: i64, colour: Colour, coverage: f32) {
         let Some(i) = self.index(x, y) else { return };
-        let coverage = coverage.clamp(0.0, 1.0);
         for (old, new) in self.data[i..i + 3]
             .iter_mut()
             .zip([colour.0, colour.1, colour.2])
         {
-            let mixed = f32::from(*old) + coverage * (f32::from(new) - f32::from(*old));
-            *old = (mixed + 0.5) as u8;
+            *old = mixed(*old, new, coverage);
+        }
+    }
+
+    /// What [`Self::blend`] makes of every value of each channel, for [`Self::replace`].
+    pub(crate) fn mixed_with(colour: Colour, coverage: f32) -> [[u8; 256]; 3] {
+        [colour.0, colour.1, colour.2]
+            .map(|new| std::array::from_fn(|old| mixed(old as u8, new, coverage)))
+    }
+
+    /// Replaces the channels of a pixel inside the picture by their entries in a table.
+    pub(crate) fn replace(&mut self, x: usize, y: usize, by: &[[u8; 256]; 3]) {
+        let i = 3 * (y * self.width + x);
+        for (value, by) in self.data[i..i + 3].iter_mut().zip(by) {
+            *value = by[usize::from(*value)];
         }
     }
 
@@ -196,6 +208,12 @@ impl Picture {
         self.height += height;
         self
     }
+}
+
+/// One channel of a pixel with some of a colour mixed in: 0 leaves it, 1 replaces it.
+fn mixed(old: u8, new: u8, coverage: f32) -> u8 {
+    let (old, new) = (f32::from(old), f32::from(new));
+    (old + coverage.clamp(0.0, 1.0) * (new - old) + 0.5) as u8
 }
 
 /// For each of `to` pixels that cover `from`, the first one below it and the share of it and of those that follow.

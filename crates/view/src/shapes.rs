@@ -143,22 +143,35 @@ pub(crate) fn region(picture: &mut Picture, mask: &GrayImage, (tint, outline): (
         picture.width().min(mask.width()),
         picture.height().min(mask.height()),
     );
-    let inside = |x: usize, y: usize| u8::from(mask.at(x, y) > 127);
     let around = |v: usize, end: usize| v.saturating_sub(1)..(v + 2).min(end);
+    // Most pixels of a region have nothing else around them.
+    let filled = Picture::mixed_with(Colour::REGION, tint);
+    // How many of each column's three pixels are inside, with a column beyond each border.
+    let mut columns = vec![0_u8; width + 2];
     for y in 0..height {
-        // How many of each column's three pixels are inside.
-        let columns: Vec<u8> = (0..width)
-            .map(|x| around(y, height).map(|y| inside(x, y)).sum())
-            .collect();
-        let rows = around(y, height).len();
-        for x in 0..width {
-            let near = around(x, width);
-            let all = (rows * near.len()) as f32;
-            let covered = columns[near].iter().map(|n| f32::from(*n)).sum::<f32>() / all;
-            if covered > 0.0 {
-                let line = outline * (1.0 - (2.0 * covered - 1.0).abs());
-                let fill = tint * f32::from(inside(x, y));
-                picture.blend(x as i64, y as i64, Colour::REGION, fill.max(line));
+        let rows = around(y, height);
+        let tall = rows.len();
+        columns.fill(0);
+        for row in rows {
+            for (count, value) in columns[1..].iter_mut().zip(&mask.row(row)[..width]) {
+                *count += u8::from(*value > 127);
+            }
+        }
+        if columns.iter().all(|n| *n == 0) {
+            continue;
+        }
+        let row = &mask.row(y)[..width];
+        for (x, near) in columns.windows(3).enumerate() {
+            match near.iter().sum::<u8>() {
+                0 => {}
+                9 => picture.replace(x, y, &filled),
+                inside => {
+                    let all = (tall * around(x, width).len()) as f32;
+                    let covered = f32::from(inside) / all;
+                    let line = outline * (1.0 - (2.0 * covered - 1.0).abs());
+                    let fill = if row[x] > 127 { tint } else { 0.0 };
+                    picture.blend(x as i64, y as i64, Colour::REGION, fill.max(line));
+                }
             }
         }
     }

@@ -58,24 +58,29 @@ pub(super) fn refine(gray: &GrayImage, window: &Window, mut rough: Vec<Sample>) 
     }
     let clear = clear(&lines, w);
     let width = window.width();
+    let columns: Vec<_> = (0..width).map(|i| between(i, w)).collect();
+    let mut line = vec![[0.0; 3]; w];
     let mut answer = vec![0.0; width * window.rows.len()];
     for (j, y) in window.rows.clone().enumerate() {
         let (above, below, share) = between(j, h);
-        let row = &gray.row(y)[window.columns.clone()];
-        let answer = &mut answer[j * width..][..width];
-        for (i, clear) in (0..width).step_by(STEP).zip(&clear[j / STEP * w..]) {
-            let columns = i..(i + STEP).min(width);
+        let [above, below] = [above, below].map(|j| &lines[j * w..][..w]);
+        for (line, (above, below)) in line.iter_mut().zip(above.iter().zip(below)) {
+            *line = mix(above, below, share);
+        }
+        let row = gray.row(y)[window.columns.clone()].chunks(STEP);
+        let answer = answer[j * width..][..width].chunks_mut(STEP);
+        let clear = &clear[j / STEP * w..];
+        for (((answer, row), columns), clear) in
+            answer.zip(row).zip(columns.chunks(STEP)).zip(clear)
+        {
             if let Some(side) = clear {
-                answer[columns].fill(*side);
+                answer.fill(*side);
                 continue;
             }
-            for i in columns {
-                let (left, right, across) = between(i, w);
-                let [a, b] =
-                    [left, right].map(|x| mix(&lines[above * w + x], &lines[below * w + x], share));
-                let [slope, offset, _] = mix(&a, &b, across);
-                let value = slope * (f32::from(row[i]) / 255.0) + offset;
-                answer[i] = value.clamp(-0.5, 0.5);
+            for ((answer, grey), (left, right, across)) in answer.iter_mut().zip(row).zip(columns) {
+                let [slope, offset, _] = mix(&line[*left], &line[*right], *across);
+                let value = slope * (f32::from(*grey) / 255.0) + offset;
+                *answer = value.clamp(-0.5, 0.5);
             }
         }
     }
@@ -102,23 +107,23 @@ fn smoothed(answer: &[f32], width: usize, clear: &[Option<f32>], samples: usize)
     let height = answer.len() / width.max(1);
     let range = |v: usize, end: usize| v.saturating_sub(SMOOTH)..(v + SMOOTH + 1).min(end);
     let mut inside = vec![false; answer.len()];
+    // Columns are summed once for all pixels of a row.
+    let mut sums = vec![0.0; width];
     for (y, inside) in inside.chunks_exact_mut(width.max(1)).enumerate() {
-        let clear = &clear[y / STEP * samples..];
+        let clear = &clear[y / STEP * samples..][..samples];
+        if clear.iter().any(Option::is_none) {
+            sums.fill(0.0);
+            for row in range(y, height).map(|y| &answer[y * width..][..width]) {
+                sums.iter_mut().zip(row).for_each(|(sum, a)| *sum += a);
+            }
+        }
         for ((i, inside), clear) in inside.chunks_mut(STEP).enumerate().zip(clear) {
             if let Some(side) = clear {
                 inside.fill(*side > 0.0);
                 continue;
             }
-            // Columns are summed once for all pixels of the sample.
-            let first = (i * STEP).saturating_sub(SMOOTH);
-            let mut sums = [0.0; STEP + 2 * SMOOTH];
-            for row in range(y, height).map(|y| &answer[y * width..][first..width]) {
-                sums.iter_mut().zip(row).for_each(|(sum, a)| *sum += a);
-            }
             for (x, inside) in (i * STEP..).zip(inside) {
-                let columns = range(x, width);
-                let near = &sums[columns.start - first..columns.end - first];
-                *inside = near.iter().sum::<f32>() > 0.0;
+                *inside = sums[range(x, width)].iter().sum::<f32>() > 0.0;
             }
         }
     }
@@ -132,10 +137,11 @@ fn brightness(gray: &GrayImage, window: &Window) -> Vec<f32> {
     for (j, y) in window.rows.clone().enumerate() {
         let row = &gray.row(y)[window.columns.clone()];
         let sums = &mut sums[j / STEP * w..][..w];
-        for (i, grey) in row.iter().enumerate() {
-            let [sum, count] = &mut sums[i / STEP];
-            *sum += f32::from(*grey);
-            *count += 255.0;
+        for ([sum, count], row) in sums.iter_mut().zip(row.chunks(STEP)) {
+            for grey in row {
+                *sum += f32::from(*grey);
+                *count += 255.0;
+            }
         }
     }
     sums.into_iter().map(|[sum, count]| sum / count).collect()

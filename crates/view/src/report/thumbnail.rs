@@ -91,23 +91,23 @@ fn reduced<const N: usize>(
 ) -> (usize, usize, Vec<u8>) {
     let (w, h) = size(width, height, step);
     let mut small = vec![0; w * h * N];
-    let mut sums = vec![0_u32; w * N];
-    for y in 0..h {
-        sums.fill(0);
+    // Rows are summed whole first, which is quick.
+    let mut columns = vec![0_u32; w * step * N];
+    for (y, out) in small.chunks_exact_mut(w * N).enumerate() {
+        columns.fill(0);
         let rows = y * step..((y + 1) * step).min(height);
         let count = (rows.len() * step) as u32;
         for row in rows {
             let row = &data[row * width * N..][..w * step * N];
-            for (sum, pixels) in sums.chunks_exact_mut(N).zip(row.chunks_exact(step * N)) {
-                for pixel in pixels.chunks_exact(N) {
-                    for (s, p) in sum.iter_mut().zip(pixel) {
-                        *s += u32::from(*p);
-                    }
-                }
+            for (sum, value) in columns.iter_mut().zip(row) {
+                *sum += u32::from(*value);
             }
         }
-        for (out, sum) in small[y * w * N..].iter_mut().zip(&sums) {
-            *out = (sum / count) as u8;
+        for (out, columns) in out.chunks_exact_mut(N).zip(columns.chunks_exact(step * N)) {
+            for (channel, out) in out.iter_mut().enumerate() {
+                let sums = columns[channel..].iter().step_by(N);
+                *out = (sums.sum::<u32>() / count) as u8;
+            }
         }
     }
     (w, h, small)
