@@ -107,14 +107,15 @@ fn smoothed(answer: &[f32], width: usize, clear: &[Option<f32>], samples: usize)
     let height = answer.len() / width.max(1);
     let range = |v: usize, end: usize| v.saturating_sub(SMOOTH)..(v + SMOOTH + 1).min(end);
     let mut inside = vec![false; answer.len()];
-    // Columns are summed once for all pixels of a row.
-    let mut sums = vec![0.0; width];
+    // Columns are summed once for all pixels of a row; beyond its ends there is nothing.
+    let mut sums = vec![0.0; width + 2 * SMOOTH];
     for (y, inside) in inside.chunks_exact_mut(width.max(1)).enumerate() {
         let clear = &clear[y / STEP * samples..][..samples];
         if clear.iter().any(Option::is_none) {
             sums.fill(0.0);
             for row in range(y, height).map(|y| &answer[y * width..][..width]) {
-                sums.iter_mut().zip(row).for_each(|(sum, a)| *sum += a);
+                let sums = sums[SMOOTH..].iter_mut().zip(row);
+                sums.for_each(|(sum, a)| *sum += a);
             }
         }
         for ((i, inside), clear) in inside.chunks_mut(STEP).enumerate().zip(clear) {
@@ -122,8 +123,9 @@ fn smoothed(answer: &[f32], width: usize, clear: &[Option<f32>], samples: usize)
                 inside.fill(*side > 0.0);
                 continue;
             }
-            for (x, inside) in (i * STEP..).zip(inside) {
-                *inside = sums[range(x, width)].iter().sum::<f32>() > 0.0;
+            let near = sums[i * STEP..].windows(2 * SMOOTH + 1);
+            for (inside, near) in inside.iter_mut().zip(near) {
+                *inside = near.iter().sum::<f32>() > 0.0;
             }
         }
     }
@@ -133,18 +135,22 @@ fn smoothed(answer: &[f32], width: usize, clear: &[Option<f32>], samples: usize)
 /// The mean brightness of each sample, 0 to 1.
 fn brightness(gray: &GrayImage, window: &Window) -> Vec<f32> {
     let [w, h] = window.samples();
-    let mut sums = vec![[0.0_f32; 2]; w * h];
-    for (j, y) in window.rows.clone().enumerate() {
-        let row = &gray.row(y)[window.columns.clone()];
-        let sums = &mut sums[j / STEP * w..][..w];
-        for ([sum, count], row) in sums.iter_mut().zip(row.chunks(STEP)) {
-            for grey in row {
-                *sum += f32::from(*grey);
-                *count += 255.0;
-            }
+    let mut means = Vec::with_capacity(w * h);
+    let mut columns = vec![0_u16; window.width()];
+    let rows: Vec<usize> = window.rows.clone().collect();
+    for rows in rows.chunks(STEP) {
+        columns.fill(0);
+        for y in rows {
+            let row = &gray.row(*y)[window.columns.clone()];
+            let columns = columns.iter_mut().zip(row);
+            columns.for_each(|(sum, grey)| *sum += u16::from(*grey));
         }
+        means.extend(columns.chunks(STEP).map(|columns| {
+            let sum: u16 = columns.iter().sum();
+            f32::from(sum) / (255 * rows.len() * columns.len()) as f32
+        }));
     }
-    sums.into_iter().map(|[sum, count]| sum / count).collect()
+    means
 }
 
 /// The line of each sample: slope, offset, and 1, so that sums of lines know how many they are of.
