@@ -16,7 +16,8 @@ use stillpoint_geometry::{Mat6, Se3};
 /// Variance of a keypoint's pixel coordinate, as a share of the variance that matching states for its level (1 px^2 at the finest). Measured in residuals:
 /// 0.15 to 0.28 in simulated rooms and with cameras that stand still, 0.5 to 0.8 where a real camera moves.
 const KEYPOINT: f64 = 0.25;
-/// Number of keypoints whose errors a match contains, by definition: that of the frame, and that of the map.
+/// Number of keypoints whose errors a match contains, by definition: that of the frame, and that of the map. Variances of independent errors add
+/// (equation 38 of docs/algorithm.md).
 const SIDES: f64 = 2.0;
 /// Number of independent causes of larger residuals in a frame (lens, shutter, blur, people, errors of the map), for any number of matches. Fitted to
 /// errors measured on 13 inputs.

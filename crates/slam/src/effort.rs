@@ -9,9 +9,10 @@ use crate::mapping::MappingEffort;
 /// Fewest keypoints per image that a plan goes down to: with fewer, people who come into the image leave too little to hold on to
 /// before tracking can ask for more (docs/decisions/0017).
 pub const MIN_FEATURES: u32 = 500;
-/// Fewest neighbours of a keyframe that a plan goes down to.
+/// Fewest neighbours of a keyframe that a plan goes down to, a number: chosen, so that landmarks are still made and fused across more than one pair
+/// of keyframes.
 const MIN_NEIGHBOURS: u32 = 2;
-/// Fewest keyframes in local bundle adjustment that a plan goes down to.
+/// Fewest keyframes in local bundle adjustment that a plan goes down to, a number: the new one, and as many others as [`MIN_NEIGHBOURS`]; chosen.
 const MIN_WINDOW: u32 = 3;
 
 impl MappingEffort {
@@ -56,7 +57,8 @@ pub struct CostTable {
 }
 
 impl CostTable {
-    /// What OpenCV's ORB with 1000 features takes where [`Self::REFERENCE`] holds, ms.
+    /// What OpenCV's ORB with 1000 features takes where [`Self::REFERENCE`] holds, ms: measured with one thread on the two-core x86-64 server of that
+    /// table.
     pub const REFERENCE_UNIT_MS: f64 = 8.0;
 
     /// Medians of `stillpoint run` with 500 and 1000 features, and with windows of 4 to 20 keyframes and 4 and 10 neighbours, on a two-core

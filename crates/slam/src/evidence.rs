@@ -42,9 +42,11 @@ pub struct Scatter {
 pub struct Cells(u64);
 
 impl Cells {
+    /// Cells across the image, a number: chosen, so that a cell is 80 px wide at 640x480, and all cells fit into 64 bits.
     const COLUMNS: u32 = 8;
+    /// Cells down the image, a number: three quarters of [`Self::COLUMNS`], so that cells of an image of 4:3 are squares.
     const ROWS: u32 = 6;
-    /// Number of cells.
+    /// Number of cells: the product of both, 48.
     pub const COUNT: u32 = Self::COLUMNS * Self::ROWS;
 
     /// Number of cells in the set.

@@ -35,7 +35,7 @@ pub struct Placed {
     pub bent: f64,
 }
 
-/// Distance at which a turn is compared with a shift, m.
+/// Distance at which a turn is compared with a shift, m: the same as `shutter::TYPICAL_DEPTH`, chosen for things in a room (docs/constants.md).
 const TYPICAL_DEPTH: f64 = 2.0;
 
 impl Placed {

@@ -4,7 +4,8 @@ use stillpoint_imaging::{FrameId, RgbdFrame};
 
 /// Frames per second for which what a frame says was measured.
 pub(crate) const RATE: f64 = 30.0;
-/// What a frame says is at most this much, in frames of 30 Hz: after a gap it is still a single look.
+/// What a frame says is at most this much, in frames of 30 Hz: after a gap it is still a single look. Chosen: each frame of a camera of 10 Hz counts
+/// in full.
 const MOST: f64 = 3.0;
 
 /// How much a frame says of what it shows, in frames of 30 Hz, from the time since the one before (s): twice as many looks at the same thing in the

@@ -28,7 +28,8 @@ pub(crate) fn refill_or<T>(
 #[derive(Clone, Debug)]
 pub(crate) struct Lists<T>(Vec<Vec<T>>);
 
-/// Lists kept at most: more are in use at once in no frame.
+/// Lists kept at most, a number: more are in use at once in no frame. Measured: a steady frame asks the allocator only for what leaves with its
+/// report (docs/scale.md).
 const MOST: usize = 8;
 
 impl<T> Default for Lists<T> {

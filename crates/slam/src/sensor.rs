@@ -88,11 +88,11 @@ pub struct DepthNoise {
     scale: f64,
 }
 
-/// Noise of a Kinect at the distance where it is least, m.
+/// Noise of a Kinect at the distance where it is least, m: by Nguyen, Izadi, Lovell (3DIMPVT 2012), as are both constants below.
 const LEAST_SIGMA: f64 = 0.0012;
-/// Distance at which the noise of a Kinect is least, m.
+/// Distance at which the noise of a Kinect is least, m (Nguyen, Izadi, Lovell 2012).
 const LEAST_AT: f64 = 0.4;
-/// Growth of the noise of a Kinect with the square of the distance beyond [`LEAST_AT`], 1/m.
+/// Growth of the noise of a Kinect with the square of the distance beyond [`LEAST_AT`], 1/m (Nguyen, Izadi, Lovell 2012).
 const SIGMA_GROWTH: f64 = 0.0019;
 
 impl Default for DepthNoise {

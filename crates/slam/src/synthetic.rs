@@ -7,7 +7,7 @@ use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, Map, NewLandmark};
 
-/// Factor between two levels of the pyramid.
+/// Factor between two levels of the pyramid: that of all maps, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const SCALE: f32 = 1.2;
 
 /// A feature, and what it looks like.
@@ -174,9 +174,9 @@ impl World {
     }
 }
 
-/// Size of images of the wall, px.
+/// Size of images of the wall, px: chosen, half of 640x480 along each side, so that tests are quick.
 pub(crate) const WALL: [usize; 2] = [320, 240];
-/// How far the wall is away, m.
+/// How far the wall is away, m: chosen, well within the range of a depth camera.
 pub(crate) const WALL_M: f32 = 1.5;
 
 /// A camera of the wall.

@@ -59,7 +59,7 @@ impl<T> Due<T> {
     }
 }
 
-/// The step at which everything is due.
+/// The step at which everything is due: the largest number of a step, by definition.
 const END: u64 = u64::MAX;
 
 impl From<Stages> for System {

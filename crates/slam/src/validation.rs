@@ -30,10 +30,12 @@ impl std::fmt::Display for ConfigError {
 
 impl std::error::Error for ConfigError {}
 
-/// Pixels of an image at most: the filter numbers its cells of 64 px in 16 bits, of which one number stands for none.
+/// Pixels of an image at most: the filter numbers its cells of 64 px in 16 bits, of which one number stands for none. A cell has 8 px a side
+/// (`cells::CELL_PX`).
 const MAX_PIXELS: u64 = 64 * (u16::MAX as u64 - 1);
 
-/// Side of an image at least, px: a corner needs its surroundings.
+/// Side of an image at least, px: a corner needs its surroundings. Chosen: two cells of the filter, and wider than the circle of 7 px by which a
+/// corner is found.
 const MIN_SIDE: u32 = 16;
 
 /// Checks the camera of a run.

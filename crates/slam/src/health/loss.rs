@@ -3,17 +3,20 @@
 use crate::report::{FrameCounts, LostReason};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// Mean grey level below which an image without contrast is black.
+/// Mean grey level below which an image without contrast is black: chosen, a sixteenth of the 256 levels.
 const BLACK: f64 = 16.0;
-/// Mean grey level above which an image without contrast is white.
+/// Mean grey level above which an image without contrast is white: 255 less [`BLACK`].
 const WHITE: f64 = 239.0;
-/// An image has no contrast where the standard deviation of its pixels is below this, grey levels.
+/// An image has no contrast where the standard deviation of its pixels is below this, grey levels: half of [`BLACK`], so that a dark image with some
+/// contrast is not called black; chosen.
 const FLAT: f64 = 8.0;
-/// Share of the pixels with depth below which there is none: a sensor at work has some at every edge.
+/// Share of the pixels with depth below which there is none: a sensor at work has some at every edge. Chosen: one pixel in twenty is far below what
+/// any view of a room gives.
 const NO_DEPTH: f64 = 0.05;
-/// Share of the keypoints that move from which on nothing else is worth telling.
+/// Share of the keypoints that move from which on nothing else is worth telling: the majority, by definition.
 const CROWD: f64 = 0.5;
-/// Pixels between two that are looked at, along x and y.
+/// Pixels between two that are looked at, along x and y: chosen, as the 4800 pixels of 640x480 that remain tell a share to 0.7 % (one standard
+/// deviation of a binomial share of a half).
 const STEP: usize = 8;
 
 /// A loss that lasts.

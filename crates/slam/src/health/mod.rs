@@ -31,6 +31,7 @@ use stillpoint_map::MapView;
 /// How fast a pose is carried that rides on somebody, per axis, m/s and rad/s: one standard deviation. People walk at 1 m/s, and one start in
 /// some rides.
 const CARRIED_M_S: f64 = 0.2;
+/// How fast such a ride turns the pose, per axis, rad/s: one standard deviation, which moves what is seen at 2 m by as much as [`CARRIED_M_S`] does.
 const CARRIED_RAD_S: f64 = 0.1;
 
 /// How well things stand at a frame.

@@ -6,19 +6,24 @@ use stillpoint_geometry::{ImuModel, Mat3, Vec3, so3};
 
 /// A measurement farther off than this is not of the same sensor: 99.9 % of chi-square with three degrees of freedom.
 const GATE: f64 = 16.27;
-/// What a mount that is stated is off by about each axis, rad: half a degree.
+/// What a mount that is stated is off by about each axis, rad: half a degree. With one degree people passed the wider gates of a blocked turn (3.4
+/// degrees off instead of 1.5, decision 39).
 const MOUNT_SIGMA: f64 = 8.7e-3;
-/// What a time offset that is stated is off by, s.
+/// What a time offset that is stated is off by, s: with 10 ms gates were too wide, as with a mount of one degree (decision 39).
 const OFFSET_SIGMA: f64 = 0.005;
-/// So many measurements in a row that are farther off say that mount or clock are so, by these more.
+/// So many measurements in a row that are farther off say that mount or clock are so, by [`MISSTATED`] more: chosen, as three beyond a quantile of
+/// 99.9 % come once in 1e9 by chance.
 const MISSES: u32 = 3;
+/// How much farther off mount, rad, and clock, s, may be then: four times [`MOUNT_SIGMA`] and three times [`OFFSET_SIGMA`]. Chosen for the errors
+/// that docs/inertial.md promises to find, a few degrees and 20 ms.
 const MISSTATED: [f64; 2] = [0.035, 0.015];
-/// How a mount works loose, rad/sqrt(s): a degree in half a day of work.
+/// How a mount works loose, rad/sqrt(s): a degree in half a day of work. Chosen: slow enough that a run of minutes keeps its mount (0.04 degrees in
+/// one minute).
 const MOUNT_WALK: f64 = 1e-4;
-/// How two clocks drift apart, s/sqrt(s): 20 millionths over a minute.
+/// How two clocks drift apart, s/sqrt(s): 20 millionths over a minute, the tolerance that data sheets of common quartz crystals state.
 const OFFSET_WALK: f64 = 1.5e-4;
 
-/// Of the bias, the mount and the time offset, in this order.
+/// Of the bias, the mount and the time offset, in this order, a number: three axes of each of the first two, and one offset.
 const STATES: usize = 7;
 type Covariance = SMatrix<f64, STATES, STATES>;
 type Derivatives = SMatrix<f64, 3, STATES>;

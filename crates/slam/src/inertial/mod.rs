@@ -22,13 +22,16 @@ use stillpoint_geometry::nalgebra::UnitQuaternion;
 use stillpoint_geometry::{ImuModel, Vec3};
 use stillpoint_imaging::ImuSample;
 
-/// Samples are kept for so long, s: the first frames of a map are tracked again after three.
+/// Samples are kept for so long, s: the first frames of a map are tracked again after three (`retrace::MOST`), and five are the longest time that a
+/// direction is carried (`carry::CARRIED_S`); this is the sum.
 const KEPT_S: f64 = 8.0;
-/// Largest number of samples that are kept: enough for [`KEPT_S`] of a sensor of 4 kHz.
+/// Largest number of samples that are kept: enough for [`KEPT_S`] of a sensor of 4 kHz, which are 32 000, up to the next power of two. The rate is
+/// chosen, above that of usual sensors.
 const KEPT: usize = 32_768;
 /// By how much gyroscopes err in scale, as a share of the turn: 1 % at most by data sheets.
 const SCALE: f64 = 0.005;
-/// Specific force is summed up over so many frames at least before it tells which way is up.
+/// Specific force is summed up over so many frames at least before it tells which way is up, a number: chosen, a second of 30 Hz, in which what a
+/// hand accelerates averages out.
 const UP_FRAMES: f64 = 30.0;
 
 /// A turn of the camera.

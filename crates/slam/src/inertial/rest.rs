@@ -3,13 +3,16 @@
 use stillpoint_geometry::{ImuModel, Vec3};
 use stillpoint_imaging::ImuSample;
 
-/// It is at rest where its values spread no more than its noise for so long, s.
+/// It is at rest where its values spread no more than its noise for so long, s: chosen, as the noise of a BMI055 (data sheet, 0.014 deg/s/sqrt(Hz))
+/// then leaves 0.35 mrad/s of the mean, well below [`SLOWEST`].
 const STILL_S: f64 = 0.5;
-/// Values of so many samples at least.
+/// Values of so many samples at least, a number: chosen, as a standard deviation of 20 values is known to 16 % (1 / sqrt(2 (n - 1)), normal
+/// distribution), well within [`SPREAD`].
 const LEAST: f64 = 20.0;
 /// Noise spreads by this factor more than the data sheet says, and a table trembles.
 const SPREAD: f64 = 2.0;
-/// A hand holds a camera no more still than this, rad/s: a mean below it may be a slow turn, and is not more exact than that.
+/// A hand holds a camera no more still than this, rad/s: a mean below it may be a slow turn, and is not more exact than that. Chosen: 0.1 deg/s, a
+/// tenth of the offset of a BMI055 (data sheet, 1 deg/s).
 const SLOWEST: f64 = 2e-3;
 
 /// A stretch of samples at rest.

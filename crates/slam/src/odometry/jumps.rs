@@ -3,19 +3,21 @@
 use super::path::Stand;
 use stillpoint_geometry::{Se3, Vec3, so3};
 
-/// Length of the window over which jumps are averaged, samples.
+/// Length of the window over which jumps are averaged, samples: chosen, a second of wheels of 50 Hz.
 const WINDOW: f64 = 50.0;
-/// Least number of jumps whose average is meaningful, samples.
+/// Least number of jumps whose average is meaningful, samples: a base that was set to another place changes its velocity twice, by [`MOST`] at most
+/// each, and the mean stays below 1 then (2 x 8 / 20 = 0.8).
 const LEAST: f64 = 20.0;
-/// A single jump counts for at most this much in the average: a base that was set to another place jumps only once.
+/// A single jump counts for at most this much in the average, a factor: a base that was set to another place jumps only once. Chosen with [`LEAST`]:
+/// odometry that jumps to and fro is above it at each sample.
 const MOST: f64 = 8.0;
-/// Largest acceleration of a base from step to step, m/s^2.
+/// Largest acceleration of a base from step to step, m/s^2: about standard gravity, which is as much as wheels with a friction of 1 can transmit.
 const ACCELERATION: f64 = 10.0;
-/// Largest angular acceleration of a base from step to step, rad/s^2.
+/// Largest angular acceleration of a base from step to step, rad/s^2: that of [`ACCELERATION`] at a wheel a third of a metre from the middle.
 const TURNING: f64 = 30.0;
-/// Largest error of encoders in the difference of two steps, m.
+/// Largest error of encoders in the difference of two steps, m: chosen, as some odometry is rounded to centimetres.
 const STEP_M: f64 = 0.01;
-/// Largest error of encoders in the difference of two turns, rad.
+/// Largest error of encoders in the difference of two turns, rad: chosen, as some odometry is rounded to half a degree.
 const STEP_RAD: f64 = 0.01;
 
 /// How the velocity changes from step to step, as a share of what a base can do.

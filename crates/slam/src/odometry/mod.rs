@@ -16,19 +16,24 @@ use std::collections::VecDeque;
 use stillpoint_geometry::{OdometryModel, Se3, so3};
 use stillpoint_imaging::OdometrySample;
 
-/// Samples are kept for so long, s: as long as a view may be blocked, and the first frames of a map are tracked again after three.
+/// Samples are kept for so long, s: as long as a view may be blocked (30 s, `carry::WHEELED_S`), and the first frames of a map are tracked again
+/// after three; the sum, with two to spare.
 const KEPT_S: f64 = 35.0;
-/// Largest number of samples that are kept: enough for [`KEPT_S`] of a source of 200 Hz.
+/// Largest number of samples that are kept: enough for [`KEPT_S`] of a source of 200 Hz, which are 7000, up to the next power of two. The rate is
+/// chosen, above that of usual bases.
 const KEPT: usize = 8192;
-/// What encoders, tyres and floor err by however short the way, m and rad.
+/// What encoders, tyres and floor err by in place however short the way, m: chosen, of the size of an encoder's step and the play of its gear.
 const FLOOR_M: f64 = 0.001;
+/// What they err by in direction, rad: chosen, [`FLOOR_M`] at a wheelbase of 1 m.
 const FLOOR_RAD: f64 = 0.001;
-/// What a mount that is stated is off by: direction, rad (half a degree), and place, m.
+/// What the direction of a mount that is stated is off by, rad: half a degree, as of an inertial sensor (decision 39).
 const MOUNT_SIGMA: f64 = 8.7e-3;
+/// What the place of a mount that is stated is off by, m: chosen, as a tape measure tells a place inside a housing to a centimetre.
 const LEVER_SIGMA: f64 = 0.01;
-/// After wheels were seen to slip they are not listened to for so long, s.
+/// After wheels were seen to slip they are not listened to for so long, s: as long as a comparison lasts in which slip is noticed (`trust::SPAN_S`);
+/// chosen.
 const SLIP_S: f64 = 0.5;
-/// A base that moves by less than this between two poses that are compared stands still, m and rad.
+/// A base that moves by less than this between two poses that are compared stands still, m and rad: three times [`FLOOR_M`] and [`FLOOR_RAD`].
 const IDLE: f64 = 0.003;
 
 /// A motion of the camera.

@@ -45,8 +45,8 @@ impl Default for TrackingConfig {
     }
 }
 
-/// A map begins with a frame of at least this many features with depth: a hundred points hold the next frame, and a blank wall with a
-/// poster on it does not begin one.
+/// A map begins with a frame of at least this many features with depth: a hundred points hold the next frame, and a blank wall with a poster on it
+/// does not begin one. The code of ORB-SLAM2 (Mur-Artal, Tardos 2017) asks for as many where a single camera begins a map.
 pub(crate) const MIN_INITIAL_POINTS: usize = 100;
 
 impl TrackingConfig {

@@ -1,8 +1,10 @@
 //! How many keypoints the next image is asked for: more of them where few of the last ones held on to the map.
 
-/// Inliers that are enough, in multiples of the fewest that make a pose.
+/// Inliers that are enough, in multiples of the fewest that make a pose: where 120 agree, more keypoints change nothing, and poses with five times as
+/// many are as accurate (decision 17).
 const ENOUGH: f64 = 4.0;
-/// More keypoints than wanted, at most: so many times. What is found only among more of them makes landmarks that are not found again.
+/// More keypoints than wanted, at most, a factor. What is found only among more of them makes landmarks that are not found again; twice as many are
+/// as accurate and cost up to twice the time (decision 17).
 const MOST_TIMES: f64 = 1.4;
 
 /// How many keypoints the next image is asked for.

@@ -10,7 +10,7 @@ use crate::messages::NewKeyframe;
 use std::sync::Arc;
 use stillpoint_imaging::FrameId;
 
-/// A mean velocity over longer is not that of its beginning, s.
+/// A mean velocity over longer is not that of its beginning, s: chosen, three frames of 30 Hz, as long as a frame may stand for (`pace::MOST`).
 const LONGEST: f64 = 0.1;
 
 impl Tracker {

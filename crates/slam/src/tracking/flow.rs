@@ -15,7 +15,8 @@ use stillpoint_geometry::{Camera, Se3, Vec2, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{KeyframeData, LandmarkId};
 
-/// Features farther than this from where a static scene would have them are looked at again, px.
+/// Features farther than this from where a static scene would have them are looked at again, px: flow errs by as much in blurred images
+/// (decision 23).
 const RECHECK_PX: f64 = 1.5;
 /// Standard deviation of flow where it is best, px: what corners on edges add, and what depths err by.
 const SIGMA_PX: f64 = 0.5;

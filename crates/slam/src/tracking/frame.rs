@@ -14,7 +14,7 @@ use stillpoint_geometry::{Camera, Vec2, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd, workers};
 use stillpoint_map::KeyframeData;
 
-/// Features that are measured together, at least.
+/// Features that are measured together, at least: chosen, so that a part outweighs what it costs to share it (decision 38).
 const MEASURED_TOGETHER: usize = 250;
 
 /// Extracts features and reads their depths; keeps its buffers between frames.
@@ -40,7 +40,8 @@ pub(super) struct Observer {
     handed_over: Vec<Arc<KeyframeData>>,
 }
 
-/// Frames whose memory may be used again, at most: more are in use at once in no frame.
+/// Frames whose memory may be used again, at most: more are in use at once in no frame. Measured: a steady frame asks the allocator only for what
+/// leaves with its report (docs/scale.md).
 const MOST_HANDED_OVER: usize = 6;
 
 impl Observer {

@@ -13,27 +13,36 @@ use std::collections::VecDeque;
 use stillpoint_estimation::{KnownShift, KnownTurn};
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A motion cannot be the camera's if it differs from the sensor's by more than this many of the sensor's standard deviations.
+/// A motion cannot be the camera's if it differs from the sensor's by more than this many of the sensor's standard deviations: the root of the 99.9 %
+/// quantile of chi-square with three degrees of freedom, 4.03, rounded.
 const GATE_SIGMAS: f64 = 4.0;
-/// Pose error that is allowed for when a motion is compared with a sensor, rad: 0.3 degrees, that of a blurred image with a rolling shutter.
+/// Pose error that is allowed for when a motion is compared with a sensor, rad: 0.3 degrees, that of a blurred image with a rolling shutter. It is
+/// twice `trust::POSES_SIGMA`, rounded.
 pub(super) const GATE_POSE: f64 = 0.005;
-/// Pose error that is allowed for when a motion is compared with a sensor, m.
+/// Pose error that is allowed for when a motion is compared with a sensor, m: from one frame to the next poses jitter by 4 mm in the median (fr1_xyz,
+/// decision 42).
 const GATE_POSE_M: f64 = 0.005;
-/// Stamp error that is allowed for when a motion is compared with a sensor, s.
+/// Stamp error that is allowed for when a motion is compared with a sensor, s: a clock that was estimated was late by 2.2 ms in `rpy_60` (measured,
+/// docs/evidence/sensors.md).
 const GATE_TIME: f64 = 0.002;
-/// Poses are compared with those of so long before, s: who rides on somebody who turns slowly is found out in time.
+/// Poses are compared with those of so long before, s: who rides on somebody who turns slowly is found out in time. Chosen: over the longest, a turn
+/// of 0.3 deg/s exceeds [`GATE_POSE`].
 const COMPARED_S: [f64; 3] = [0.0, 0.2, 1.0];
-/// Poses are remembered for so long, s.
+/// Poses are remembered for so long, s: the sum of the longest of [`COMPARED_S`] and six frames of 30 Hz.
 const REMEMBERED_S: f64 = 1.2;
-/// A correction of the map that turns the last pose by more than this ends the comparison of earlier poses with sensors, rad.
+/// A correction of the map that turns the last pose by more than this ends the comparison of earlier poses with sensors, rad: chosen, below
+/// [`GATE_POSE`], so that a correction is not taken for a contradiction.
 const SAME_WORLD: f64 = 0.003;
-/// A correction of the map that moves the last pose by more than this ends the comparison of earlier poses with odometry, m.
+/// A correction of the map that moves the last pose by more than this ends the comparison of earlier poses with odometry, m: as much as
+/// [`GATE_POSE_M`] allows a pose to err by; chosen.
 const SAME_WORLD_M: f64 = 0.005;
-/// Where fewer matches lead to a pose, sensors measure it as well.
+/// Where fewer matches lead to a pose, sensors measure it as well, a number: decision 39 has the blocked turn with and without it.
 pub(super) const FEW: usize = 80;
-/// Number of landmarks that must agree with a pose before a sensor is judged by it.
+/// Number of landmarks that must agree with a pose before a sensor is judged by it: decision 41. It equals `report::FEW`, by which fewer hold no pose
+/// where much moves (decision 30).
 const TELLING_INLIERS: u32 = 60;
-/// A pose refutes a sensor only where less than this share of the keypoints moves.
+/// A pose refutes a sensor only where less than this share of the keypoints moves: a third, beyond which wheels overrule (decision 41). It equals
+/// `vote::CROWD`.
 const TELLING_SHARE: f64 = 0.35;
 
 /// Poses of the camera that were taken, newest last: by the frames' clock, s.

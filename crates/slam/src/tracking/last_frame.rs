@@ -17,9 +17,10 @@ use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
 
 /// Radius of the search around the prediction from the last frame, px on level 0, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MOTION_RADIUS_PX: f32 = 15.0;
-/// If the last frame does not match, this many keyframes are tried that are most covisible with the reference keyframe.
+/// If the last frame does not match, this many keyframes are tried that are most covisible with the reference keyframe: chosen, as each costs a
+/// comparison of all descriptors.
 const COVISIBLE: usize = 8;
-/// If the last frame does not match, this many of the newest keyframes are tried.
+/// If the last frame does not match, this many of the newest keyframes are tried: half of [`COVISIBLE`], chosen, as most of them are among those.
 const NEWEST: usize = 4;
 
 impl Tracker {

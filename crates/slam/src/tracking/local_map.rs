@@ -14,14 +14,15 @@ use stillpoint_geometry::{Camera, Mat3, Se3, Vec3};
 use stillpoint_imaging::{RgbdFrame, workers};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, ScaleRange, SubmapId};
 
-/// Keyframes in the local map, at most: enough for every view of a desk, few enough to project per frame.
+/// Keyframes in the local map, at most: enough for every view of a desk, few enough to project per frame. It is half of the 80 in the code of
+/// ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MAX_KEYFRAMES: usize = 40;
-/// Factor on the radius (2.5 or 4 px) of the search for local landmarks. The pose before the filter is off by more than that of a scene
-/// in which all stands still.
+/// Factor on the radius (2.5 or 4 px) of the search for local landmarks. The pose before the filter is off by more than that of a scene in which all
+/// stands still. The code of ORB-SLAM2 (Mur-Artal, Tardos 2017), which has both radii, multiplies them by 1 for stereo cameras and by 3 for RGB-D.
 pub(super) const LOCAL_RADIUS: f32 = 2.0;
-/// Landmarks that are projected or looked at together, at least.
+/// Landmarks that are projected or looked at together, at least: chosen, so that a part outweighs what it costs to share it (decision 38).
 const SEARCHED_TOGETHER: usize = 250;
-/// Keyframes farther than this are not around.
+/// Keyframes farther than this are not around, m (decision 18).
 const AROUND_M: f64 = 1.5;
 /// Landmarks seen at more than 60 degrees from their mean viewing direction look different. The limit is that of ORB-SLAM2 (Mur-Artal,
 /// Tardos 2017), as are the range of distances and the expected level.

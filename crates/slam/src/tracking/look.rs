@@ -14,8 +14,8 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId};
 
-/// How long frames show enough and do not fit the last known pose until all starts over, s: a hand before the camera or a jerk may last as
-/// long.
+/// How long frames show enough and do not fit the last known pose until all starts over, s: a hand before the camera or a jerk may last as long.
+/// Chosen: ten frames of 30 Hz.
 const PATIENCE: f64 = 0.33;
 
 /// What was found in a frame.

@@ -15,9 +15,10 @@ pub(super) enum Sight {
     Through,
 }
 
-/// Spacing of the 3x3 pixels looked at, px: the expected place may be wrong by as much.
+/// Spacing of the 3x3 pixels looked at, px: the expected place may be wrong by as much. Chosen: three standard deviations of a keypoint of the finest
+/// level (equation 1 of docs/algorithm.md).
 const STEP: i32 = 3;
-/// Of the nine, this many must have depth for a judgement.
+/// Of the nine, this many must have depth for a judgement: chosen, more than three quarters, so that two holes do not hinder it.
 const MIN_VALID: u32 = 7;
 
 /// Looks at one depth image.
