@@ -88,7 +88,8 @@ impl AbsolutePoseOutcome {
     }
 }
 
-/// Factor on the squared gates within which observations take part in the last optimisation, which tests them again.
+/// Factor on the squared gates within which observations take part in the last optimisation, which tests them again. Chosen: twice the gate as a
+/// distance.
 const FINAL_OPENING: f64 = 4.0;
 
 /// Finds the pose `camera_from_world` that most observations agree on. Samples of three are solved by P3P, or by alignment

@@ -3,8 +3,8 @@
 use crate::PoseEstimate;
 use stillpoint_geometry::Mat6;
 
-/// Smallest pivot of the information, brought to ones on its diagonal, with which it is inverted. Below, some direction is
-/// known ten thousand times worse than its part in the others makes it look, and its figure would be rounding.
+/// Smallest pivot of the information, brought to ones on its diagonal, with which it is inverted. Below, some direction is known ten thousand times
+/// worse (the root) than its part in the others makes it look, and its figure would be rounding: half of the digits of double precision.
 const MIN_PIVOT: f64 = 1e-8;
 
 impl PoseEstimate {

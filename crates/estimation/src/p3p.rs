@@ -166,6 +166,7 @@ impl Problem {
 
     /// Gauss-Newton on the three laws of cosines; the depths in m. `None` when they cannot be met.
     fn refine(&self, mut l: Vec3) -> Option<Vec3> {
+        /// The three pairs of three points.
         const PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
         let residual = |l: &Vec3| {
             Vec3::from_fn(|row, _| {

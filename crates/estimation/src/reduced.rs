@@ -6,8 +6,8 @@ use crate::schur::{System, across, subtract_product, times};
 use crate::sparse::{Block, Pattern};
 use stillpoint_geometry::{Mat3, Vec6};
 
-/// Free poses up to which the reduced system is solved as one dense matrix: in a local window nearly every pose shares points
-/// with every other one.
+/// Free poses up to which the reduced system is solved as one dense matrix: in a local window nearly every pose shares points with every other one,
+/// and it has at most so many (decision 11).
 pub(crate) const DENSE_POSES: usize = 100;
 
 /// How the reduced system is solved.

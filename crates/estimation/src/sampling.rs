@@ -36,6 +36,7 @@ pub struct Rng {
     state: u64,
 }
 
+/// Step of the stream: 2^64 over the golden ratio, made odd (Steele, Lea, Flood 2014).
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// The finaliser of SplitMix64, a bijection that mixes all bits.

@@ -44,7 +44,7 @@ impl TwoViewOptions {
     }
 }
 
-/// Pairs that go through the kernels together.
+/// Pairs that go through the kernels together: four numbers of double precision fill a vector register of 256 bits.
 pub(crate) const LANES: usize = 4;
 
 /// Coordinates of [`LANES`] pairs.
@@ -56,11 +56,11 @@ pub(crate) struct Block {
     pub(crate) y2: [f64; LANES],
 }
 
-/// Standard deviations by which a sample's relation may cost more than the best one on the first pairs. On 1000 simulated
-/// scenes the results were the same as without this limit.
+/// Standard deviations by which a sample's relation may cost more than the best one on the first pairs. Measured on 1000 simulated scenes: the
+/// results were the same as without this limit.
 const SAMPLE_MARGIN: f64 = 2.0;
 
-/// Blocks between two looks at whether a hypothesis can still win.
+/// Blocks between two looks at whether a hypothesis can still win. Chosen: 32 pairs, so that looking costs little beside them.
 const BLOCKS_PER_LOOK: usize = 8;
 
 /// The finite pairs, moved and scaled so that numbers are near one (Hartley, "In defense of the eight-point algorithm",

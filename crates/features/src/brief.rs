@@ -4,7 +4,8 @@ use stillpoint_imaging::{GrayImage, Simd};
 
 use crate::{Descriptor, pattern::PATTERN};
 
-/// Largest distance in x or y of a rotated sample from its keypoint, px: the pattern's radius is 18.39.
+/// Largest distance in x or y of a rotated sample from its keypoint, px: the pattern's radius is 18.39, of samples 13 px aside both ways (Rublee et
+/// al. 2011).
 pub(crate) const REACH: usize = 18;
 
 /// Computes descriptors, with its tables.
@@ -74,6 +75,7 @@ pub(crate) fn rotate_scalar(
 /// The nearest whole number of a small value, halves rounded to even. Near 1.5 x 2^23 floats are whole numbers, so the addition rounds; unlike the
 /// function of the standard library this needs no call on machines without a rounding instruction.
 fn nearest(value: f32) -> i32 {
+    /// 1.5 x 2^23, where floats of single precision are whole numbers.
     const WHOLE: f32 = 12_582_912.0;
     (value + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
 }

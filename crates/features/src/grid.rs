@@ -4,12 +4,12 @@ use std::ops::RangeInclusive;
 
 use crate::Window;
 
-/// Side of a cell, px: search windows are 10 to 100 px wide.
+/// Side of a cell, px. Chosen: search windows are 10 to 100 px wide, so that one meets a few cells.
 const CELL: f32 = 16.0;
-/// Cells per side at most, so that odd bounds do not ask for absurd memory.
+/// Cells per side at most, so that odd bounds do not ask for absurd memory. Chosen: cells grow beyond 8192 px a side only.
 const MAX_CELLS: usize = 512;
 
-/// Positions that a grid can hold.
+/// Positions that a grid can hold: those that 16 bits number.
 const MAX_POSITIONS: usize = u16::MAX as usize;
 
 /// Keypoint indices in square cells. Positions outside the bounds are held by the nearest cell at the border and are found all the same.

@@ -167,7 +167,7 @@ pub(crate) fn match_brute_force_portable(
         .collect()
 }
 
-/// Number of bins of a [`RotationHistogram`].
+/// Number of bins of a [`RotationHistogram`], of 12 degrees each, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const BINS: usize = 30;
 
 /// Keeps the matches that agree on how much the image has turned: those in the three fullest of 30 bins of 12 degrees. The second and third bin count

@@ -2,10 +2,10 @@
 
 use stillpoint_imaging::{GrayImage, Simd};
 
-/// Radius of the disc, px.
+/// Radius of the disc, px (Rublee et al. 2011).
 pub(crate) const RADIUS: usize = 15;
 
-/// Half the length of the disc's rows at distance 0, 1, ..., 15 from the centre: `round(sqrt(15^2 - v^2))`, made symmetric about the diagonal.
+/// Half of the length of the disc's rows at distance 0, 1, ..., 15 from the centre, px: `round(sqrt(15^2 - v^2))`, made symmetric about the diagonal.
 pub(crate) const HALF_WIDTHS: [usize; RADIUS + 1] =
     [15, 15, 15, 15, 14, 14, 14, 13, 13, 12, 11, 10, 9, 8, 6, 3];
 

@@ -6,9 +6,10 @@
 
 use crate::fast::Corner;
 
-/// Depth of the tree below a root: leaves down to 1/128 of the image's height.
+/// Depth of the tree below a root: leaves down to 1/128 of the image's height. Two bits for each of seven levels and two for the root ([`MAX_ROOTS`])
+/// make a key of 16 bits.
 const DEPTH: u32 = 7;
-/// Roots side by side, so that nodes are nearly square. With more than four the keys would need more than 16 bits.
+/// Roots side by side, a number, so that nodes are nearly square. With more than four the keys would need more than 16 bits.
 const MAX_ROOTS: usize = 4;
 
 #[derive(Clone, Copy, Debug)]

@@ -37,14 +37,14 @@ const VERTICAL_SPEED: f64 = 0.3;
 pub(super) const FASTEST: f64 = 2.4;
 /// A thing whose velocity is not told from zero is taken to stand still, to this standard deviation, m/s.
 const REST_SPEED: f64 = 0.1;
-/// Share of the velocity that is lost per second: with an acceleration of 1 m/s^2 the spread of speeds stays
-/// at 1 m/s, and most of a velocity outlasts a second without detections.
+/// Share of the velocity that is lost per second: with white noise of acceleration of 1 m/s^2 the spread of speeds, sqrt(1/(2*0.5)), stays at 1 m/s,
+/// and most of a velocity outlasts a second without detections.
 const DECAY: f64 = 0.5;
 /// What the logarithm of a size changes by in a second, standard deviation: arms that stretch, a person who sits down. Measured: 0.4 has more ghosts of simulated people.
 const RESHAPE: f64 = 0.3;
 /// Linearisations per update, a number (iterated filter: Bar-Shalom, Li, Kirubarajan 2001, section 10.5.2).
 const ROUNDS: usize = 3;
-/// Logarithms of 2 cm and 20 m: no thing that a detector finds is smaller or larger.
+/// Logarithms of sizes in m, of 2 cm and 20 m, chosen: no thing that a detector finds is smaller or larger.
 const LOG_SIZES: [f64; 2] = [-3.9, 3.0];
 impl Spatial {
     /// From one detection and the surface that is taken for the object. What the sides leave open stays uncertain: the prior is wide.

@@ -34,8 +34,9 @@ pub struct ObjectTracker {
     ignored: u64,
 }
 
-/// Detections of one frame that are looked at, those of the best scores: as many as transformers give, and three times what networks are scored
-/// with (COCO). The work grows with the square of their number. No more objects than these are followed at a time.
+/// Detections of one frame that are looked at, those of the best scores: as many as transformers give (RT-DETR: Zhao et al., CVPR 2024), and three
+/// times what networks are scored with (COCO: Lin et al., ECCV 2014). The work grows with the square of their number, 4 ms for so many
+/// (docs/robustness.md). No more objects than these are followed at a time.
 pub const MOST_DETECTIONS: usize = 300;
 
 /// The detections that are looked at, in the order in which they came.

@@ -6,7 +6,7 @@ use stillpoint_geometry::{Camera, Mat3, Se3, Vec2, Vec3};
 /// Sides of a box in undistorted pixels: left, top, right, bottom.
 pub(super) type Sides = [f64; 4];
 
-/// Points nearer than this to the plane of the camera are not projected, m: no depth sensor sees as near.
+/// Points nearer than this to the plane of the camera are not projected, m. Chosen: no depth sensor sees as near.
 pub(super) const NEAREST: f64 = 0.1;
 
 /// A camera at a pose.

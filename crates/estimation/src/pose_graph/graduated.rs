@@ -4,10 +4,12 @@ use super::system::{Gates, Structure, System, chi2};
 use super::{EdgeFit, EdgeKernel, PoseGraph, PoseGraphOptions, PoseGraphOutcome, PoseGraphReport};
 use stillpoint_geometry::Se3;
 
-/// Gain below which a stage before the last one ends: the next stage moves everything again.
+/// Gain below which a stage before the last one ends, a share of the cost: the next stage moves everything again. Chosen: a thousand times that of
+/// the last stage (1e-6).
 const STAGE_GAIN: f64 = 1e-3;
 
-/// Dampings that are tried for one linear system.
+/// Dampings that are tried for one linear system, a number. Chosen: eight lead from the least, 1e-9, by tens from 1e-4 on, to 100, where a step
+/// hardly moves anything.
 const TRIALS: usize = 8;
 
 pub(super) fn minimise(

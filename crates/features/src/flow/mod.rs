@@ -15,9 +15,11 @@ use align::{Aligned, Aligner, Outcome, Start};
 use scales::Scales;
 use stillpoint_imaging::{Pyramid, Simd, workers};
 
-/// Points that are tracked together, at least: some 50 us of work.
+/// Points that are tracked together, at least: some 50 us of work (the flow of a frame takes 0.71 ms, decision 38). Chosen: less is not worth a
+/// thread.
 const TRACKED_TOGETHER: usize = 60;
-/// A step shorter than this ends a coarse scale, px of it: the next finer one goes on from there.
+/// A step shorter than this ends a coarse scale, px of it: the next finer one goes on from there. Chosen: that is 0.2 px of a next scale of twice the
+/// size, which a step makes good.
 const COARSE_EPSILON: f32 = 0.1;
 
 /// Where a point is in the current image.

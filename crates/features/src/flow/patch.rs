@@ -5,10 +5,10 @@
 
 use stillpoint_imaging::{GrayImage, Simd};
 
-/// Columns of a window that are computed together; those beyond its side count as nothing.
+/// Columns of a window that are computed together; those beyond its side count as nothing. The power of two above [`MAX_SIDE`].
 pub(crate) const LANES: usize = 16;
 
-/// Largest side of a window, px.
+/// Largest side of a window, px: that of the largest radius that `FlowConfig` allows, 7.
 pub(crate) const MAX_SIDE: usize = 15;
 
 /// One row of a window, aligned for vector loads.
@@ -141,6 +141,7 @@ impl Template {
     }
 
     pub(crate) fn sample_scalar(&mut self, image: &GrayImage, place: WindowPlace) -> GradientSums {
+        /// Columns of a window with one more to each side, for gradients.
         const WIDE: usize = LANES + 2;
         let (side, stride) = (self.side, image.width());
         // Rows -1..=side and columns from -1 on.

@@ -7,7 +7,7 @@ use stillpoint_imaging::GrayImage;
 use super::{check, load};
 use crate::fast::{CIRCLE, Corner, maxima_span, score_span};
 
-/// Pixels of a block.
+/// Pixels of a block: the bytes of a vector register of 128 bits.
 const BLOCK: usize = 16;
 
 /// Twin of [`score_span`].

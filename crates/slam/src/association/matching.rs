@@ -7,16 +7,18 @@ use stillpoint_geometry::{Mat3, Se3, Vec3};
 use stillpoint_imaging::workers;
 use stillpoint_map::{Keyframe, KeyframeData, LandmarkId, MapView};
 
-/// Hamming distance up to which two descriptors may be the same corner (of 256 bits; random ones differ by 128 +- 8).
+/// Hamming distance up to which two descriptors may be the same corner, bits of 256 (random ones differ by 128 +- 8), as in ORB-SLAM2 (Mur-Artal,
+/// Tardos 2017).
 const MAX_DISTANCE: u32 = 100;
-/// The same where nothing but the descriptor speaks for the match.
+/// The same where nothing but the descriptor speaks for the match: half of that, as in ORB-SLAM2.
 pub(crate) const STRICT_DISTANCE: u32 = 50;
-/// The best candidate must be this much nearer than the second.
+/// The best candidate must be this much nearer than the second, a ratio of distances, as in ORB-SLAM2 (Mur-Artal, Tardos 2017) from frame to frame.
 const RATIO: f32 = 0.9;
-/// A match to a landmark in a small window needs less: the ratio only counts between candidates of one level.
+/// A match to a landmark in a small window needs less: the ratio only counts between candidates of one level. As in ORB-SLAM2 (Mur-Artal, Tardos
+/// 2017).
 const WINDOW_RATIO: f32 = 0.8;
 
-/// Points that are searched together, at least: some 50 us of work.
+/// Points that are searched together, at least: some 50 us of work (matching takes 0.29 ms in all, decision 38). Chosen: less is not worth a thread.
 const SEARCHED_TOGETHER: usize = 150;
 
 /// A point that a feature sees: a landmark, or a point that only the last frame's depth speaks for.

@@ -7,16 +7,18 @@ use stillpoint_features::Window;
 use stillpoint_geometry::Vec3;
 use stillpoint_map::{KeyframeData, Landmark, ScaleRange};
 
-/// Share of the nearest distance down to which a landmark is still recognised.
+/// Share of the nearest distance down to which a landmark is still recognised: about a level of 1.2 beyond the pyramid, as in ORB-SLAM2 (Mur-Artal,
+/// Tardos 2017).
 const NEARER: f64 = 0.8;
-/// Share of the farthest distance up to which it is.
+/// Share of the farthest distance up to which it is, as in ORB-SLAM2 (Mur-Artal, Tardos 2017): a level of 1.2 beyond the pyramid.
 const FARTHER: f64 = 1.2;
-/// A level is taken when it is missed by no more than this: where the distance is that of the level itself, rounding must not lift it.
+/// A level is taken when it is missed by no more than this share of a level, chosen far above what rounding does: where the distance is that of the
+/// level itself, rounding must not lift it.
 const LEVEL_SLACK: f64 = 1e-3;
-/// Points nearer than this have no useful projection, m.
+/// Points nearer than this have no useful projection, m. Chosen: a sixth of the default of `sensor.min_depth`.
 const MIN_Z: f64 = 0.05;
-/// Above any level that a pyramid has: a landmark that is nearer than its coarsest level shows it is looked for one level above the
-/// top, where the window holds the top level alone.
+/// Above any level that a pyramid has, or the top one of 16 (the most that `features.levels` allows): a landmark that is nearer than its coarsest
+/// level shows it is looked for one level above the top, where the window holds the top level alone.
 const TOP_LEVEL: f64 = 15.0;
 
 /// Whether a landmark can be recognised from a distance (m).

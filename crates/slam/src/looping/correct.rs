@@ -17,7 +17,7 @@ use stillpoint_estimation::{
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{Correction, Join, Keyframe, LandmarkId, LoopEdge, MapView};
 
-/// Work of full bundle adjustment, at most, in products of two 6x6 blocks: what 2000 keyframes take.
+/// Work of full bundle adjustment, at most, in products of two 6x6 blocks: what 2000 keyframes take (1.3e8 for laps of 40 m, decision 11).
 const MAX_WORK: u64 = 200_000_000;
 
 /// A loop that is believed.

@@ -12,16 +12,18 @@ use stillpoint_estimation::{EdgeKernel, pose_covariance};
 use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
 use stillpoint_map::{LoopEdge, MapView};
 
-/// What the motion of a tie is wrong by beside the noise of its landmarks, per axis: m, and rad (a twentieth of a degree).
+/// What the motion of a tie is wrong by beside the noise of its landmarks, per axis, m (decision 22).
 const TIE_M: f64 = 0.002;
+/// The same of its turn, per axis, rad: a twentieth of a degree (decision 22).
 const TIE_RAD: f64 = 0.0009;
 /// And in relation to the motion itself, in length and in angle: the form of odometry's noise (Thrun, Burgard, Fox,
 /// "Probabilistic Robotics", 2005, section 5.4).
 const TIE_SHARE: f64 = 0.01;
 /// The same of frames that were bridged by flow: they are off by 5 to 10 cm after a second of it (decision 18).
 const BRIDGED_M: f64 = 0.05;
-/// Two degrees.
+/// The same of their turn, rad: two degrees (decision 22).
 const BRIDGED_RAD: f64 = 0.035;
+/// The same in relation to the motion itself, a share (decision 22): ten times that of ties.
 const BRIDGED_SHARE: f64 = 0.1;
 
 /// Two nodes and what is known of the motion between them.

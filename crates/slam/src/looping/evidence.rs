@@ -13,24 +13,28 @@ use stillpoint_geometry::Mat6;
 /// Prior odds that a candidate with a motion is the same place and not alike by chance: one to ten for candidates by looks, one to two for those that the map
 /// expects in sight. Lower than the share of true ones on simulated walks (decision 46), since other buildings hold more that looks alike.
 const PRIOR_BY_LOOKS: f64 = 0.1;
+/// The same odds for candidates that the map expects in sight. Chosen: one to two, as they also lie where they should.
 const PRIOR_BY_MAP: f64 = 0.5;
 /// Share of the landmarks that should be in sight and are found, as beta distributions. In the same place a quarter of them is found, since most are hidden or
 /// were seen from another side; elsewhere 4 %, and hardly ever more than 12 % (decision 46).
 const SHARE_SAME: [f64; 2] = [2.0, 6.0];
+/// The same elsewhere, by chance (decision 46).
 const SHARE_CHANCE: [f64; 2] = [2.0, 48.0];
-/// Landmarks that fit any motion: three points determine one.
+/// Landmarks that fit any motion, a number: three points determine one.
 const FITTED: u32 = 3;
 /// Score of the place index that unrelated places reach (measured on simulated walks, decision 46). Looks change the odds by a factor of five at most: keyframes
 /// of one room share words.
 const COMMON_SCORE: f64 = 0.02;
+/// Most that looks change the odds by, a factor, chosen: keyframes of one room share words.
 const MOST_LOOKS: f64 = 5.0;
 /// How much farther than their covariance says paths drift, as (factor, share of paths). The covariance leaves out errors that all features share; simulated
 /// walks at 6 Hz drift up to five times as far (decision 46).
 const WORSE: [(f64, f64); 3] = [(1.0, 0.5), (3.0, 0.45), (10.0, 0.05)];
-/// Places lie up to this far outside the area that the keyframes cover, and cameras are held or worn within this height, m.
+/// Places lie up to this far outside the area that the keyframes cover, m. Chosen: a room in which cameras are held or worn (docs/constants.md).
 const MARGIN_M: f64 = 1.0;
+/// Cameras are held or worn within this height, m. Chosen: what hands and head of somebody who stands span (docs/constants.md).
 const HEIGHT_M: f64 = 1.0;
-/// Half the side of the volume in which the search around an expected pose can find a place, m: the search's reach at a depth of 2.5 m.
+/// Half of the side of the volume in which the search around an expected pose can find a place, m: its reach (`REACH_RAD`) at a depth of 2.5 m.
 const REACH_M: f64 = 2.5 * super::revisit::REACH_RAD;
 
 /// The log prior odds of a candidate.

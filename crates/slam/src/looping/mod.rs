@@ -33,7 +33,8 @@ use verify::Verified;
 
 /// Keyframes between two closed loops: the map is given the time to settle. As in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MIN_GAP: usize = 10;
-/// Motions to older keyframes that are remembered: those of six keyframes at least, with as many candidates by their looks as by where they are.
+/// Motions to older keyframes that are remembered, a number: those of six keyframes at least, with as many candidates by their looks as by where they
+/// are (twice `CANDIDATES`). Six are chosen.
 const SIGHTINGS: usize = 6 * 2 * CANDIDATES;
 
 /// Closes loops, and puts submaps together.

@@ -7,9 +7,10 @@ use stillpoint_map::{
     SubmapId,
 };
 
-/// Keyframes around one that count as the same place: so many that share most landmarks with it.
+/// Keyframes around one that count as the same place, a number: so many that share most landmarks with it, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const GROUP: usize = 10;
-/// Keyframes that share at least so many landmarks are tied beside the tree of parents.
+/// Keyframes that share at least so many landmarks are tied beside the tree of parents, as in the essential graph of ORB-SLAM (Mur-Artal, Montiel,
+/// Tardos, T-RO 2015).
 const MIN_SHARED: u32 = 100;
 
 /// The live keyframes of the submaps that take part, numbered.

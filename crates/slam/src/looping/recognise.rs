@@ -5,11 +5,13 @@ use super::nodes::surroundings;
 use stillpoint_map::{Keyframe, KeyframeId, MapView};
 use stillpoint_place::PlaceMatch;
 
-/// Keyframes that look most alike and are looked into.
+/// Keyframes that look most alike and are looked into, a number: half of the ten that are verified at most (decision 46).
 pub(super) const CANDIDATES: usize = 5;
-/// Keyframes that look alike and are compared with the candidates: the neighbours of a candidate come first, and what looks like it elsewhere after them.
+/// Keyframes that look alike and are compared with the candidates, a number: the neighbours of a candidate come first, and what looks like it
+/// elsewhere after them. Chosen: two such neighbours for each candidate.
 const COMPARED: usize = 3 * CANDIDATES;
-/// The newest keyframes are no candidates: what was seen just now is matched by tracking, or it is hidden.
+/// The newest keyframes are no candidates: what was seen just now is matched by tracking, or it is hidden. Chosen: ten are a second of a fast turn,
+/// and then the place that is wanted is among them (decision 30).
 pub(super) const NEWEST: usize = 3;
 
 /// How a candidate was found.

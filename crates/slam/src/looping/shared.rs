@@ -11,7 +11,7 @@ use stillpoint_estimation::{Intrinsics, Measurement, linearise, pose_covariance}
 use stillpoint_geometry::{Mat6, Vec3};
 use stillpoint_map::{Keyframe, LandmarkId, MapView};
 
-/// Fewer shared landmarks measure no motion: the frames between were bridged by flow.
+/// Fewer shared landmarks measure no motion (decision 22): the frames between were bridged by flow.
 const MIN_MEASURED: usize = 15;
 
 /// The lower triangle of a symmetric 6x6 matrix, row by row.

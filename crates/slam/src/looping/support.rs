@@ -6,8 +6,8 @@ use super::shared::Known;
 use stillpoint_estimation::Intrinsics;
 use stillpoint_geometry::Se3;
 
-/// What the landmarks of a keyframe must tell of its pose, at least: a standard deviation of this share of their median depth, and of as
-/// many radians. It moves the image by 2 % of the focal length.
+/// What the landmarks of a keyframe must tell of its pose, at least: a standard deviation of this share of their median depth, and of as many radians
+/// (decision 22). It moves the image by 2 % of the focal length.
 const MAX_SHARE: f64 = 0.02;
 
 /// Per node: whether its landmarks hold it. The first node is held; another one is when at least `min_held` landmarks that it

@@ -13,12 +13,12 @@ use stillpoint_features::best_two;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{Keyframe, KeyframeId, LandmarkId, LoopEdge, MapView};
 
-/// Points of both keyframes that agree on one rigid motion, and landmarks that are found with it, at least: fewer measure no motion. Whether it is that of a place is
-/// for [`LoopEvidence`](crate::LoopEvidence) to say.
+/// Points of both keyframes that agree on one rigid motion, and landmarks that are found with it, at least (decision 46): fewer measure no motion.
+/// Whether it is that of a place is for [`LoopEvidence`](crate::LoopEvidence) to say.
 const MIN_INLIERS: usize = 10;
-/// Radius of the search around where the motion found from pairs puts a landmark, px on level 0.
+/// Radius of the search around where the motion found from pairs puts a landmark, px on level 0. Chosen: twice the radius once it is refined.
 const WIDE_RADIUS_PX: f32 = 8.0;
-/// The same once the motion is refined.
+/// The same once the motion is refined, px on level 0: that with which ORB-SLAM2 (Mur-Artal, Tardos 2017) fuses landmarks at a loop.
 pub(super) const RADIUS_PX: f32 = 4.0;
 
 /// A motion between two keyframes that geometry confirms.

@@ -8,9 +8,9 @@ use stillpoint_estimation::{Intrinsics, triangulate_midpoint};
 use stillpoint_geometry::{Mat3, Se3, Vec3, robust, so3};
 use stillpoint_map::{Keyframe, KeyframeId, NewLandmark};
 
-/// Two rays must differ by at least this angle to fix a point: cos(1.15 deg).
+/// Two rays must differ by at least this angle to fix a point: cos(1.15 deg), as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MAX_PARALLAX_COSINE: f64 = 0.9998;
-/// Baseline over median depth below which triangulation is not tried.
+/// Baseline over median depth below which triangulation is not tried, a share, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MIN_BASELINE_SHARE: f64 = 0.01;
 
 impl Mapper {

@@ -8,7 +8,7 @@ use stillpoint_estimation::Intrinsics;
 use stillpoint_features::best_two;
 use stillpoint_map::{KeyframeId, LandmarkId};
 
-/// Radius of the search, px on level 0.
+/// Radius of the search, px on level 0, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const RADIUS_PX: f32 = 3.0;
 
 impl Mapper {

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Correction, Keyframe, KeyframeId, LandmarkId, Map, MapView};
 
-/// Keyframes share at least this many landmarks to count as covisible.
+/// Keyframes share at least this many landmarks to count as covisible, a number, as in ORB-SLAM (Mur-Artal, Montiel, Tardos, T-RO 2015).
 const MIN_SHARED: u32 = 15;
 
 /// How the map is built.

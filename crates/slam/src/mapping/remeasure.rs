@@ -11,7 +11,8 @@ use crate::timing::Timing;
 use stillpoint_geometry::{Camera, Vec2, Vec6};
 use stillpoint_map::{KeyframeData, KeyframeId};
 
-/// A keyframe is measured again when that moves its outer rows by this, px.
+/// A keyframe is measured again when that moves its outer rows by this, px. Chosen: half of what a keypoint of the finest level errs by (equation 1
+/// of docs/algorithm.md).
 const WORTHWHILE_PX: f64 = 0.5;
 
 impl Mapper {

@@ -175,7 +175,7 @@ impl<'a> DepthReader<'a> {
 /// Column and row of a pixel whose neighbours are in the image.
 type Pixel = [usize; 2];
 
-/// Pixels whose depths are read together.
+/// Pixels whose depths are read together: four numbers of single precision fill a vector register of 128 bits.
 pub(crate) const LANES: usize = 4;
 
 /// A keypoint whose depth is read.
@@ -210,6 +210,8 @@ fn at_least(x: f64) -> f32 {
 /// Sorts nine numbers of every lane by a network of 25 comparisons, whose outcomes no branch has to be predicted for.
 #[inline(always)]
 fn sort_nine<const L: usize>(v: &mut [[f32; L]; 9]) {
+    /// Places whose numbers are compared and put in order, in turn. Nine numbers need no fewer comparisons than 25 (Codish, Cruz-Filipe, Frank,
+    /// Schneider-Kamp, ICTAI 2014).
     const NETWORK: [(usize, usize); 25] = [
         (0, 3),
         (1, 7),

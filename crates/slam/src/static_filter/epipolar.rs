@@ -9,9 +9,9 @@ use stillpoint_estimation::{
 };
 use stillpoint_geometry::{Camera, Mat3};
 
-/// Pairs outside boxes that are enough to find the fundamental matrix from.
+/// Pairs outside boxes that are enough to find the fundamental matrix from, a number. Chosen: seven times the seven of a sample.
 const MIN_OUTSIDE: usize = 50;
-/// Standard deviation of a flow vector, px, for the test of degeneracy.
+/// Standard deviation of a flow vector, px, for the test of degeneracy. Chosen: somewhat above the third of a pixel that flow errs by (decision 21).
 const SIGMA_PX: f64 = 0.5;
 
 /// Distance of each feature from its epipolar line, px; `None` without flow, and where the camera's motion defines no lines

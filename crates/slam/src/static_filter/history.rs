@@ -10,7 +10,8 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{CoarseDepth, DepthImage, FrameId};
 use stillpoint_map::MapView;
 
-/// Frames are kept for comparison this long, s.
+/// Frames are kept for comparison this long, s: the oldest of `AGES` (3 s) and the youngest (0.2 s) beyond it, as frames do not come at just these
+/// times.
 const SPAN: f64 = 3.2;
 
 /// A frame kept for later comparison.
@@ -53,7 +54,8 @@ pub(super) struct Spent {
     grids: Vec<Arc<CoarseDepth>>,
 }
 
-/// Frames whose memory is held, at most: frames do not come evenly, so at times some leave before the next comes.
+/// Frames whose memory is held, at most, a number: frames do not come evenly, so at times some leave before the next comes. Chosen: a quarter of a
+/// second at 30 Hz.
 const MOST_SPENT: usize = 8;
 
 impl Spent {

@@ -5,9 +5,10 @@ use super::things::things;
 use super::{Segments, cells};
 use stillpoint_imaging::{CoarseDepth, DepthImage, GrayImage, RgbdFrame};
 
-/// What a mask holds where the scene moves; 0 where it stands still.
+/// What a mask holds where the scene moves, the largest number of 8 bits (docs/masks.md); 0 where it stands still.
 const MOVING: u8 = 255;
-/// Cells around a region that its outline may reach into: 40 px, the filter's 20 px and the 10 px of somebody near who walks between depth and image.
+/// Cells around a region that its outline may reach into: 40 px, chosen above the sum of the filter's 20 px and the 10 px of somebody near who walks
+/// between depth and image.
 const MARGIN: usize = 5;
 /// Difference of depths by which a pixel's own cell is preferred to those around it, m: a Kinect's noise at 2 m (Khoshelham and Elberink, Sensors 2012).
 const OTHER: f32 = 0.01;

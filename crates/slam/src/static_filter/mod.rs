@@ -48,7 +48,7 @@ use stillpoint_imaging::{CoarseDepth, FrameId, RgbdFrame, workers};
 use stillpoint_map::{KeyframeData, MapView};
 use surfaces::{MOVES, Now, Surfaces};
 
-/// Features that are judged together, at least.
+/// Features that are judged together, at least, a number as in matching (`SEARCHED_TOGETHER`). Chosen: less is not worth a thread.
 const JUDGED_TOGETHER: usize = 150;
 
 /// What the filter is given of a frame.

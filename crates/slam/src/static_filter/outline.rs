@@ -10,14 +10,14 @@ use super::sides::settle;
 use std::ops::Range;
 use stillpoint_imaging::GrayImage;
 
-/// A sample is a square of so many pixels a side: half a cell.
+/// A sample is a square of so many pixels a side, px: half of a cell (`CELL_PX`).
 pub(super) const STEP: usize = 4;
 /// Lines are fitted over windows that reach so many samples to each side: 20 px in all, so that the edge of a surface is within reach of that of its
-/// cells, and nothing else is.
+/// cells, and nothing else is. Chosen: a cell to each side.
 const REACH: usize = 2;
-/// Variance of brightness (of 0 to 1) below which it is taken for noise: that of steps of 20 grey levels of 255.
+/// Variance of brightness (of 0 to 1) below which it is taken for noise: that of steps of 20 grey levels of 255, (20 / 255)^2 / 4, chosen.
 const NOISE: f32 = 0.0016;
-/// The outline is the middle of the answer's mean over windows that reach so far, px: what is thinner than half of that is no thing.
+/// The outline is the middle of the answer's mean over windows that reach so far, px, chosen: what is thinner than half of that is no thing.
 const SMOOTH: usize = 2;
 
 /// What is known of a sample's pixels: sums over them.

@@ -3,14 +3,14 @@
 use super::cells::Cells;
 use super::diagonals::{Diagonals, Weights};
 
-/// Bound of the log odds of a cell, so that years of evidence can be overturned in a few frames.
+/// Bound of the log odds of a cell, so that years of evidence can be overturned in a few frames. Chosen: two looks through a place (`SEEN_THROUGH`).
 pub(super) const LIMIT: f32 = 8.0;
-/// How much of its neighbours' mean a cell takes over.
+/// How much of its neighbours' mean a cell takes over, a share. Chosen below 1, with which the sweeps converge.
 const COUPLING: f32 = 0.9;
-/// Rounds of sweeping there and back: enough to cross a person.
+/// Rounds of sweeping there and back, a number, chosen: enough to cross a person.
 const SWEEPS: usize = 3;
 
-/// Share of the neighbours' sum that is taken over, by the number of joined neighbours.
+/// Share of the neighbours' sum that is taken over, by the number of joined neighbours: `COUPLING` over that number.
 const SHARES: [f32; 5] = [
     0.0,
     COUPLING,

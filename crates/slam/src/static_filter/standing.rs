@@ -3,7 +3,8 @@
 use super::semantic::{MOVER, Mover};
 use stillpoint_imaging::CoarseDepth;
 
-/// Surfaces of an object that were seen to stand still have at most these log odds from free space.
+/// Surfaces of an object that were seen to stand still have at most these log odds from free space: what agreement with one frame of a third of a
+/// second ago gives (`MATCH_PER_SECOND`), chosen; section 14 of docs/algorithm.md.
 const STANDS_STILL: f32 = -1.5;
 
 /// How many of the cells that an object holds stand still, and of how many something is known. `evidence`: per cell, log odds of "moving" from free space.

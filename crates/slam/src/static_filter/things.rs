@@ -7,7 +7,8 @@ use super::segments::joined;
 use stillpoint_geometry::nalgebra::{Matrix3, Vector3};
 use stillpoint_imaging::CoarseDepth;
 
-/// A hole of so many cells is what is too far to be measured; beyond a narrower one is what the surface beside it is compared with, as it is a shadow.
+/// A hole of so many cells is what is too far to be measured; beyond a narrower one is what the surface beside it is compared with, as it is a
+/// shadow. Chosen: 48 px, which are 18 cm at 2 m.
 const HOLE: usize = 6;
 /// Share of a region's border beyond which the scene goes on farther away, at least, and that of a flat one. It is two thirds of that of somebody who sits or
 /// stands behind something, and half of that of somebody of whom only a part is seen to move; two sides of a screen are half of its patch's.
