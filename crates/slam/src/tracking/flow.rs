@@ -3,6 +3,7 @@
 use super::ego_motion::EgoMotion;
 use super::frame::Observer;
 use super::motion::CameraMotion;
+use super::scouts::{Place, Scout, off_near};
 use super::self_calibration::{Between, RowPair};
 use super::state::LastFrame;
 use super::{Solution, Tracker};
@@ -17,9 +18,11 @@ use stillpoint_map::{KeyframeData, LandmarkId};
 
 /// Features farther than this from where a static scene would have them are looked at again, px: flow errs by as much in blurred images
 /// (decision 23).
-const RECHECK_PX: f64 = 1.5;
+const RECHECK_PX: f32 = 1.5;
 /// Standard deviation of flow where it is best, px: what corners on edges add, and what depths err by.
 const SIGMA_PX: f64 = 0.5;
+/// One feature in so many is looked for at all scales. Measured: one in 4, 8 and 16 take the same time; errors are least with one in 8.
+const SCOUT: usize = 8;
 /// A feature and where it is expected, raw px.
 pub(super) type Guess = (usize, [f32; 2]);
 
@@ -141,8 +144,9 @@ impl Tracker {
             if p.z <= 0.05 {
                 continue;
             }
-            if (pair.before - data.camera.project(&p)).norm() > RECHECK_PX {
-                again.push((i, shutter.exposed(&p, before.as_ref())));
+            if (pair.before - data.camera.project(&p)).norm() > f64::from(RECHECK_PX) {
+                let raw = shutter.exposed(&p, before.as_ref());
+                again.push((i, [raw.x as f32, raw.y as f32]));
             }
         }
         self.front_end.observer.flow_again(&again, pairs);
@@ -225,63 +229,98 @@ fn flow_sigma(forward_backward: f64) -> f64 {
 }
 
 impl Observer {
-    /// Finds some features of the last image in the one before.
+    /// Finds some features of the last image in the one before. What a guess is off by, because the camera accelerates or somebody walks, the guesses
+    /// beside it are off by as well: so every [`SCOUT`]th feature is looked for at all scales, and the others near where these say.
     pub(super) fn flow_to_previous(&mut self, guesses: &[Guess], pairs: &mut [Option<FlowPair>]) {
         let _span = tracing::info_span!("flow").entered();
-        let keypoints = &self.features.keypoints;
-        let FlowMemory {
-            points,
-            expected,
-            found,
-        } = &mut self.flow_memory;
-        points.clear();
-        points.extend(
-            guesses
-                .iter()
-                .map(|(i, _)| [keypoints[*i].x, keypoints[*i].y]),
-        );
-        expected.clear();
-        expected.extend(guesses.iter().map(|(_, at)| *at));
-        let (now, before) = (self.extractor.pyramid(), self.extractor.previous_pyramid());
-        self.flow.track(now, before, points, Some(expected), found);
-        for ((i, _), found) in guesses.iter().zip(&*found) {
+        let mut memory = std::mem::take(&mut self.flow_memory);
+        memory.sought.clear();
+        memory.sought.extend(guesses.iter().step_by(SCOUT));
+        self.find(Reach::Far, &mut memory);
+        memory.scouts.clear();
+        for ((i, guess), found) in memory.sought.iter().zip(&memory.found) {
+            let Some(found) = found else { continue };
+            pairs[*i] = Some(pair(&self.camera, found, &self.undistorted[*i]));
+            let [x, y] = found.position;
+            memory.scouts.push(Scout {
+                place: self.place(*i),
+                off: [x - guess[0], y - guess[1]],
+            });
+        }
+        let others = guesses.chunks(SCOUT).flat_map(|guesses| &guesses[1..]);
+        let expected = |(i, [x, y]): &Guess| {
+            let [dx, dy] = off_near(&memory.scouts, &self.place(*i), self.camera.fx as f32);
+            (*i, [x + dx, y + dy])
+        };
+        memory.sought.clear();
+        memory.sought.extend(others.map(expected));
+        self.find(Reach::Near, &mut memory);
+        for ((i, _), found) in memory.sought.iter().zip(&memory.found) {
             pairs[*i] = found.map(|f| pair(&self.camera, &f, &self.undistorted[*i]));
         }
+        self.flow_memory = memory;
     }
 
     /// Looks for some features again, around a raw pixel each, and takes what is found near it.
-    fn flow_again(&mut self, features: &[(usize, Vec2)], pairs: &mut [Option<FlowPair>]) {
+    fn flow_again(&mut self, features: &[Guess], pairs: &mut [Option<FlowPair>]) {
         let _span = tracing::info_span!("flow").entered();
-        let keypoints = &self.features.keypoints;
-        let FlowMemory {
-            points,
-            expected,
-            found,
-        } = &mut self.flow_memory;
-        points.clear();
-        points.extend(
-            features
-                .iter()
-                .map(|(i, _)| [keypoints[*i].x, keypoints[*i].y]),
-        );
-        expected.clear();
-        expected.extend(features.iter().map(|(_, at)| [at.x as f32, at.y as f32]));
-        let (now, before) = (self.extractor.pyramid(), self.extractor.previous_pyramid());
-        self.flow.look(now, before, points, expected, found);
-        let near = |at: &[f32; 2], expected: &Vec2| {
-            (Vec2::from(at.map(f64::from)) - expected).norm() < RECHECK_PX
-        };
-        for ((i, expected), found) in features.iter().zip(&*found) {
-            if let Some(found) = found.filter(|f| near(&f.position, expected)) {
+        let mut memory = std::mem::take(&mut self.flow_memory);
+        memory.sought.clear();
+        memory.sought.extend(features);
+        self.find(Reach::Near, &mut memory);
+        let off = |[x, y]: [f32; 2], at: [f32; 2]| libm::hypotf(x - at[0], y - at[1]);
+        for ((i, expected), found) in memory.sought.iter().zip(&memory.found) {
+            if let Some(found) = found.filter(|f| off(f.position, *expected) < RECHECK_PX) {
                 pairs[*i] = Some(pair(&self.camera, &found, &self.undistorted[*i]));
             }
         }
+        self.flow_memory = memory;
     }
+
+    /// Looks in the image before for what is sought.
+    fn find(&mut self, reach: Reach, memory: &mut FlowMemory) {
+        let FlowMemory {
+            sought,
+            points,
+            expected,
+            found,
+            ..
+        } = memory;
+        points.clear();
+        points.extend(sought.iter().map(|(i, _)| self.place(*i).pixel));
+        expected.clear();
+        expected.extend(sought.iter().map(|(_, at)| *at));
+        let (now, before) = (self.extractor.pyramid(), self.extractor.previous_pyramid());
+        match reach {
+            Reach::Far => self.flow.track(now, before, points, Some(expected), found),
+            Reach::Near => self.flow.look(now, before, points, expected, found),
+        }
+    }
+
+    /// Where a feature is in the image and in depth.
+    fn place(&self, feature: usize) -> Place {
+        let k = &self.features.keypoints[feature];
+        Place {
+            pixel: [k.x, k.y],
+            depth: self.depths[feature],
+        }
+    }
+}
+
+/// How far from where they are expected features are looked for.
+#[derive(Clone, Copy)]
+enum Reach {
+    /// At all scales.
+    Far,
+    /// On the finest scale: within half a window.
+    Near,
 }
 
 /// Memory that flow takes, used again from frame to frame.
 #[derive(Default)]
 pub(super) struct FlowMemory {
+    sought: Vec<Guess>,
+    scouts: Vec<Scout>,
     points: Vec<[f32; 2]>,
     expected: Vec<[f32; 2]>,
     found: Vec<Option<FlowMatch>>,

@@ -9,7 +9,6 @@ use super::vote::VoteMemory;
 use crate::association::{Candidate, MatchMemory};
 use crate::recycle::Lists;
 use crate::static_filter::{self, FlowPair};
-use stillpoint_geometry::Vec2;
 use stillpoint_map::LandmarkId;
 
 /// A memory for each part of the way of a frame.
@@ -24,7 +23,7 @@ pub(super) struct Memory {
     /// Raw pixels of features.
     pub(super) pixels: Vec<[f32; 2]>,
     /// Features that are looked at again, with where they are expected, raw px.
-    pub(super) again: Vec<(usize, Vec2)>,
+    pub(super) again: Vec<Guess>,
     pub(super) pairs: Lists<Option<FlowPair>>,
     pub(super) guesses: Lists<Guess>,
     pub(super) rows: Lists<RowPair>,

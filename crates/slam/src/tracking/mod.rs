@@ -29,6 +29,7 @@ mod odometry;
 mod outcome;
 mod pose;
 mod relocalise;
+mod scouts;
 mod self_calibration;
 mod sight;
 mod starved;
