@@ -88,9 +88,9 @@ impl AbsolutePoseOutcome {
     }
 }
 
-/// Factor on the squared gates within which observations take part in the last optimisation, which tests them again. Chosen: twice the gate as a
+/// Factor on the squared gates within which observations or pairs take part in the last optimisation. Chosen: twice the gate as a
 /// distance.
-const FINAL_OPENING: f64 = 4.0;
+pub(crate) const FINAL_OPENING: f64 = 4.0;
 
 /// Finds the pose `camera_from_world` that most observations agree on. Samples of three are solved by P3P, or by alignment
 /// where all three have a depth; each new best one is refined at once (LO-RANSAC); the winner is optimised on all

@@ -1,5 +1,6 @@
 //! The search for a camera's motion: samples, refinements, the winner.
 
+use crate::absolute_pose::FINAL_OPENING;
 use crate::camera_motion::believed;
 use crate::p3p::p3p_into;
 use crate::pose::transform;
@@ -329,9 +330,6 @@ fn rigid(
 /// Share of the best vote that a sample needs before it is worth refining. Chosen: three noisy pairs tell a motion roughly, and refining may raise
 /// its vote by a factor of four.
 const RAW_SHARE: f64 = 0.25;
-
-/// Factor on the squared gates within which pairs take part in the last optimisation. Chosen: twice the gate as a distance.
-const FINAL_OPENING: f64 = 4.0;
 
 /// Pairs that a refinement between samples looks at, at most, a number: enough for its accuracy, few enough to be quick. Chosen: twelve times a
 /// sample.

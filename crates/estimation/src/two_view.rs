@@ -60,8 +60,8 @@ pub(crate) struct Block {
 /// results were the same as without this limit.
 const SAMPLE_MARGIN: f64 = 2.0;
 
-/// Blocks between two looks at whether a hypothesis can still win. Chosen: 32 pairs, so that looking costs little beside them.
-const BLOCKS_PER_LOOK: usize = 8;
+/// Blocks between two looks at whether a relation or a motion can still win. Chosen: 32 pairs, so that looking costs little beside them.
+pub(crate) const BLOCKS_PER_LOOK: usize = 8;
 
 /// The finite pairs, moved and scaled so that numbers are near one (Hartley, "In defense of the eight-point algorithm",
 /// PAMI 1997). Both images share the scale, so that residuals keep their meaning.

@@ -2,13 +2,8 @@
 
 use crate::Intrinsics;
 use crate::camera_motion::{MotionOptions, MotionPair, believed};
+use crate::two_view::{BLOCKS_PER_LOOK, LANES};
 use stillpoint_geometry::Se3;
-
-/// Pairs that go through the kernel together: four numbers of double precision fill a vector register of 256 bits.
-const LANES: usize = 4;
-
-/// Blocks between two looks at whether a motion can still win. Chosen: 32 pairs, so that looking costs little beside them.
-const BLOCKS_PER_LOOK: usize = 8;
 
 /// [`LANES`] pairs: points (m), pixels relative to the principal point (px), inverse depths (1/m), and weights of the squared
 /// residuals divided by the gate.

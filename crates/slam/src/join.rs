@@ -5,6 +5,7 @@ use crate::looping::LoopCloser;
 use crate::mapping::Mapper;
 use crate::messages::{LoopCloserMsg, MapperMsg};
 use crate::report::LoopReport;
+use crate::shutter::TYPICAL_DEPTH;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec3, so3};
@@ -34,9 +35,6 @@ pub struct Placed {
     /// How far from where that puts it a keyframe came to lie at most, m: keyframes are adjusted one by one. A turn counts as what it does at a depth of 2 m.
     pub bent: f64,
 }
-
-/// Distance at which a turn is compared with a shift, m: the same as `shutter::TYPICAL_DEPTH`, chosen for things in a room (docs/constants.md).
-const TYPICAL_DEPTH: f64 = 2.0;
 
 impl Placed {
     /// By the keyframes of a map before and after, whose ids were raised.

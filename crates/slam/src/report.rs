@@ -112,10 +112,10 @@ pub struct FrameReport {
     pub odometry: Option<OdometryReport>,
 }
 
-/// So many landmarks that agree hold a pose, whatever moves beside them, a number: poses of 49 and 47 were off by 100 and 119 mm (fr1_rpy_walkers,
+/// So many landmarks that agree hold a pose, whatever moves beside them, and tell what a sensor errs by, a number: poses of 49 and 47 were off by 100 and 119 mm (fr1_rpy_walkers,
 /// decision 30).
-const FEW: u32 = 60;
-/// Where at least this share of the keypoints moves, those who move can be a large group: with [`FEW`], every frame of the starts of fr1_rpy_walkers
+pub(crate) const HOLDING: u32 = 60;
+/// Where at least this share of the keypoints moves, those who move can be a large group: with [`HOLDING`], every frame of the starts of fr1_rpy_walkers
 /// that is off by more than 100 mm is undecided (decision 30).
 const MANY: f64 = 0.3;
 
@@ -125,7 +125,7 @@ impl FrameReport {
     #[must_use]
     pub fn is_undecided(&self) -> bool {
         let posed = matches!(self.outcome, Outcome::Tracked | Outcome::Relocalised { .. });
-        let thin = self.counts.inliers < FEW && self.counts.moving_share() >= MANY;
+        let thin = self.counts.inliers < HOLDING && self.counts.moving_share() >= MANY;
         self.undecided.is_some() || (posed && thin)
     }
 }

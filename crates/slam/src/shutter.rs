@@ -5,8 +5,8 @@
 use crate::timing::Timing;
 use stillpoint_geometry::{Camera, Vec2, Vec3, Vec6};
 
-/// Depth taken for a feature that has none, m, where only a guess or its share in the image's motion within a readout depends on it. Chosen: that of
-/// things in a room (docs/constants.md); a turn does not depend on it.
+/// How far what is seen lies, m, where a turn is compared with a shift, or a guess needs a depth that a feature does not have. Chosen: that of things
+/// in a room (docs/constants.md).
 pub(crate) const TYPICAL_DEPTH: f64 = 2.0;
 
 /// When the rows of a camera's images are exposed.

@@ -27,9 +27,9 @@ const REACH_FRAMES: usize = 8;
 const LEAST: usize = 9;
 /// The median of the norm of three normal numbers of deviation 1.
 const MEDIAN_OF_NORM: f64 = 1.538;
-/// Standard deviations from which a pose counts less, as one that is plainly wrong, or an acceleration, as that of a blow: half at this many. With
+/// Standard deviations from which an error counts less: half at this many. With
 /// 2.385 normal errors lose 5 % of their efficiency (Holland and Welsch, Communications in Statistics 1977).
-const CAUCHY: f64 = 2.4;
+pub(crate) const CAUCHY: f64 = 2.4;
 /// Times that the weights are found again, a number: chosen; a blow needs some rounds to lose its weight, and a round costs one linear solution.
 const ROUNDS: usize = 8;
 

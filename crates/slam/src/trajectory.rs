@@ -2,6 +2,7 @@
 
 use crate::anchored_pose::AnchoredPose;
 use crate::fingerprint::Fingerprint;
+use crate::shutter::TYPICAL_DEPTH;
 use crate::smoothing::smooth;
 use stillpoint_geometry::{Se3, Vec3, so3};
 use stillpoint_imaging::FrameId;
@@ -157,9 +158,6 @@ struct Node {
 /// What measuring a keyframe again may change by chance, rad: a third of a pixel of a usual camera, or 1.4 mm at [`TYPICAL_DEPTH`]. That is the
 /// keyframe's own error and tells nothing of the frames before it. A third of a pixel is what flow was found to err by (decision 21).
 const NOISE: f64 = 0.0007;
-
-/// The depth at which a motion is compared with a turn, m: that of things in a room, the same as `shutter::TYPICAL_DEPTH`; chosen.
-const TYPICAL_DEPTH: f64 = 2.0;
 
 /// Frames farther apart than this say nothing about each other's jitter, s: chosen, as long as errors of poses last (`covariance::LASTS_S`).
 const LONGEST_GAP: f64 = 0.25;

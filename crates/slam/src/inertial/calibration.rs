@@ -6,9 +6,9 @@ use stillpoint_geometry::{ImuModel, Mat3, Vec3, so3};
 
 /// A measurement farther off than this is not of the same sensor: 99.9 % of chi-square with three degrees of freedom.
 const GATE: f64 = 16.27;
-/// What a mount that is stated is off by about each axis, rad: half a degree. With one degree people passed the wider gates of a blocked turn (3.4
+/// What a mount that is stated, of an inertial sensor or of wheels, is off by about each axis, rad: half a degree. With one degree people passed the wider gates of a blocked turn (3.4
 /// degrees off instead of 1.5, decision 39).
-const MOUNT_SIGMA: f64 = 8.7e-3;
+pub(crate) const MOUNT_SIGMA: f64 = 8.7e-3;
 /// What a time offset that is stated is off by, s: with 10 ms gates were too wide, as with a mount of one degree (decision 39).
 const OFFSET_SIGMA: f64 = 0.005;
 /// So many measurements in a row that are farther off say that mount or clock are so, by [`MISSTATED`] more: chosen, as three beyond a quantile of

@@ -10,6 +10,7 @@ mod report;
 mod rest;
 mod signal;
 
+pub(crate) use calibration::MOUNT_SIGMA;
 pub use report::{InertialReport, InertialState, SensorFault};
 
 use crate::trust::{Comparison, POSES_SIGMA, Seen, Trust};

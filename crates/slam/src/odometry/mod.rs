@@ -9,6 +9,7 @@ mod report;
 
 pub use report::{OdometryFault, OdometryReport, OdometryState};
 
+use crate::inertial::MOUNT_SIGMA;
 use crate::trust::{Comparison, Seen, SensorState, Trust};
 use jumps::Jumps;
 use path::{Stand, Way};
@@ -26,8 +27,6 @@ const KEPT: usize = 8192;
 const FLOOR_M: f64 = 0.001;
 /// What they err by in direction, rad: chosen, [`FLOOR_M`] at a wheelbase of 1 m.
 const FLOOR_RAD: f64 = 0.001;
-/// What the direction of a mount that is stated is off by, rad: half a degree, as of an inertial sensor (decision 39).
-const MOUNT_SIGMA: f64 = 8.7e-3;
 /// What the place of a mount that is stated is off by, m: chosen, as a tape measure tells a place inside a housing to a centimetre.
 const LEVER_SIGMA: f64 = 0.01;
 /// After wheels were seen to slip they are not listened to for so long, s: as long as a comparison lasts in which slip is noticed (`trust::SPAN_S`);

@@ -1,7 +1,7 @@
 //! The first frames of a map, kept until it is known who moves.
 
 use crate::messages::Tracked;
-use crate::tracking::TurningPoint;
+use crate::tracking::{SOME_MOVE, TurningPoint};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_detection::Detections;
@@ -14,9 +14,6 @@ const QUIET: f64 = 0.8;
 /// Motion can be seen from this time after the start of a map, s: depths are compared with those of 0.2 s before, and three frames of 30 Hz come to
 /// it.
 const SEEN: f64 = 0.3;
-/// The scene counts as static while less than this share of the keypoints seems to move: single keypoints do so in every scene. It equals
-/// `vote::SOME_MOVE` (decision 43).
-const QUIET_SHARE: f64 = 0.1;
 
 /// Frames are kept up to this, bytes: 174 of 640x480, at five bytes per pixel. Larger or faster cameras go without. Chosen: the three seconds of
 /// `MOST` at 58 Hz.
@@ -92,7 +89,7 @@ impl Beginning {
 
     /// Whether nothing moves, `since` seconds after the beginning.
     pub(super) fn is_quiet(&self, since: f64) -> bool {
-        self.turn.is_none() && since >= QUIET && self.moved < QUIET_SHARE
+        self.turn.is_none() && since >= QUIET && self.moved < SOME_MOVE
     }
 
     /// Whether the frames take more than they may.

@@ -5,6 +5,7 @@ use crate::anchored_pose::AnchoredPose;
 use crate::mapping::{Mapper, MapperSetup};
 use crate::messages::MapperMsg;
 use crate::report::Outcome;
+use crate::shutter::TYPICAL_DEPTH;
 use crate::tracking::{Tracker, TurningPoint};
 use crate::trajectory::TrajectoryEntry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -25,8 +26,6 @@ const AGREE_RAD: f64 = 0.026;
 /// jerks; the way there does not know the momentum yet. Measured: 0.30 to 0.87 of ways that are taken and 1.4 and 1.5 of ways that rode
 /// (decision 45).
 const MAX_JERKS: f64 = 1.0;
-/// How far what is seen lies, m: what a turn moves by as much as a shift. It is the same as `shutter::TYPICAL_DEPTH`, chosen for things in a room.
-const TYPICAL_DEPTH: f64 = 2.0;
 /// The way back is believed where it poses at least this share of the frames that it speaks about: chosen, as one that loses more than a tenth of
 /// them is thin where the ways differ.
 const MIN_POSED: f64 = 0.9;

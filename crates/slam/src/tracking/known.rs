@@ -4,11 +4,11 @@
 //! the map bear another motion out, that counts, and a large part of the image that moves counts less.
 
 use super::ego_motion::EgoMotion;
-use super::vote::Vote;
+use super::vote::{CROWD, Vote};
 use super::{Fix, Notes, Tracker};
 use crate::inertial::Turn;
 use crate::odometry::Motion;
-use crate::report::LostReason;
+use crate::report::{HOLDING, LostReason};
 use std::collections::VecDeque;
 use stillpoint_estimation::{KnownShift, KnownTurn};
 use stillpoint_geometry::{Se3, Vec3};
@@ -38,12 +38,6 @@ const SAME_WORLD: f64 = 0.003;
 const SAME_WORLD_M: f64 = 0.005;
 /// Where fewer matches lead to a pose, sensors measure it as well, a number: decision 39 has the blocked turn with and without it.
 pub(super) const FEW: usize = 80;
-/// Number of landmarks that must agree with a pose before a sensor is judged by it: decision 41. It equals `report::FEW`, by which fewer hold no pose
-/// where much moves (decision 30).
-const TELLING_INLIERS: u32 = 60;
-/// A pose refutes a sensor only where less than this share of the keypoints moves: a third, beyond which wheels overrule (decision 41). It equals
-/// `vote::CROWD`.
-const TELLING_SHARE: f64 = 0.35;
 
 /// Poses of the camera that were taken, newest last: by the frames' clock, s.
 #[derive(Default)]
@@ -242,7 +236,7 @@ impl Tracker {
 
     /// Whether it is for a sensor to say which motion is the camera's: a gyroscope that is confirmed, or wheels where much of what is seen moves.
     pub(super) fn rules(&self, known: &Known) -> bool {
-        known.confirmed && (known.by_gyro || self.was_blind() || self.moving_share > TELLING_SHARE)
+        known.confirmed && (known.by_gyro || self.was_blind() || self.moving_share > CROWD)
     }
 
     /// Whether a pose may be that of the camera, as far as a sensor tells that has a say in it.
@@ -292,8 +286,8 @@ impl Tracker {
         };
         let wheels = reason == LostReason::AgainstOdometry;
         // At the beginning of a map, people are what most landmarks are of: there is a way back only where it is not known who moves.
-        let may_ride = self.goes_back && self.moving_share > TELLING_SHARE;
-        let many = fix.matches.landmarks() >= TELLING_INLIERS as usize;
+        let may_ride = self.goes_back && self.moving_share > CROWD;
+        let many = fix.matches.landmarks() >= HOLDING as usize;
         let borne_out = many && !may_ride && !self.was_blind();
         if wheels && borne_out {
             return Ok(fix);
@@ -314,8 +308,8 @@ impl Tracker {
         }
         let (now, blind) = (self.front_end.clock.now(), self.was_blind());
         let counts = &notes.counts;
-        let can_refute = counts.moving_share() < TELLING_SHARE && !blind;
-        let tells = measured && counts.inliers >= TELLING_INLIERS;
+        let can_refute = counts.moving_share() < CROWD && !blind;
+        let tells = measured && counts.inliers >= HOLDING;
         let against = self.contradicts(&world_from_camera.inverse());
         let slips = tells && can_refute && against == Some(LostReason::AgainstOdometry);
         self.past_poses.remember(now, world_from_camera);

@@ -41,6 +41,7 @@ pub(crate) use config::MIN_INITIAL_POINTS;
 pub use config::{TrackerSetup, TrackingConfig};
 pub use keyframe::KeyframeConfig;
 pub(crate) use mirror::TurningPoint;
+pub(crate) use vote::SOME_MOVE;
 
 use crate::association::Matches;
 use crate::evidence::{Cells, Evidence};

@@ -8,6 +8,7 @@
 //! simulated images a like method overestimates it by 6 to 18 ms. (docs/algorithm.md, readout.)
 
 use crate::shutter::{Shutter, TYPICAL_DEPTH, point_velocity};
+use crate::smoothing::CAUCHY;
 use crate::timing::Timing;
 use std::collections::VecDeque;
 use stillpoint_geometry::nalgebra::{SMatrix, SVector};
@@ -31,9 +32,6 @@ const MAX_READOUT: f64 = 0.05;
 const MAX_PAIRS: usize = 400;
 /// Fewer tell nothing: the motion alone takes six numbers, of which this is five times as many; chosen.
 const MIN_PAIRS: usize = 30;
-/// Standard deviations from which a pair counts less: half at this many. With 2.385 normal errors lose 5 % of their efficiency (Holland and Welsch,
-/// Communications in Statistics 1977).
-const CAUCHY: f64 = 2.4;
 /// A motion that changes by less is found, m and rad: chosen, as it moves the image by 0.005 px (f = 535 px, things at 1 m), far less than flow errs
 /// by.
 const EXACT: f64 = 1e-5;

@@ -33,9 +33,10 @@ pub(super) const UNDECIDED: f64 = 2.0;
 /// If more than this share of the keypoints moved in the frame before, it is undecided again who moves: nothing is known yet of a person who has just
 /// come into view. When the room in view is about equally far everywhere, a turn of the camera looks like a shift, and the few things at another
 /// depth decide between both. Measured: a start has 13 to 17 mm with it, 13 to 20 with 20 % and 68 to 75 with 35 % (decision 43).
-pub(super) const SOME_MOVE: f64 = 0.1;
-/// Where more than this share moved, a crowd may fill the view: a third of the keypoints (decision 39), the share by which decision 25 knew a crowd.
-const CROWD: f64 = 0.35;
+pub(crate) const SOME_MOVE: f64 = 0.1;
+/// Where more than this share moved, a crowd may fill the view: a third of the keypoints (decision 39), the share by which decision 25 knew a crowd. From
+/// there on wheels overrule, and a pose refutes no sensor (decision 41).
+pub(super) const CROWD: f64 = 0.35;
 /// A constant velocity is wrong by about this much after a frame, m (decisions 44 and 54).
 const PRIOR_SIGMA_M: f64 = 0.02;
 /// A constant velocity is wrong by about this much after a frame, rad: chosen, it moves what is seen at 1 m by [`PRIOR_SIGMA_M`].
