@@ -47,7 +47,7 @@ impl Tracker {
         let last = self.state.tracked()?;
         let known = self.trusted_since_last()?;
         let now = self.front_end.clock.now();
-        let carried = self.carried.unwrap_or(Carried {
+        let carried = self.sensors.carried.unwrap_or(Carried {
             since: frame.id,
             began: last.time,
         });
@@ -77,8 +77,8 @@ impl Tracker {
             recognised: None,
         };
         notes.counts.inliers = 0;
-        self.carried = Some(carried);
-        self.blind_at = Some(now);
+        self.sensors.carried = Some(carried);
+        self.sensors.blind_at = Some(now);
         let world_from_camera = camera_from_world.inverse();
         self.learn_motion(notes, &world_from_camera, false);
         Some(self.accept_carried(frame, solution, carried.since))
@@ -87,7 +87,7 @@ impl Tracker {
     /// Whether so much of the view was blocked a moment ago that the camera had to be carried: what agrees then is somebody, as likely as not.
     pub(super) fn was_blind(&self) -> bool {
         let now = self.front_end.clock.now();
-        self.blind_at.is_some_and(|at| now - at < BLIND_S)
+        self.sensors.blind_at.is_some_and(|at| now - at < BLIND_S)
     }
 
     /// The reference keyframe, as the newest view of the map has it.

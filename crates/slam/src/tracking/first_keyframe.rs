@@ -16,10 +16,10 @@ const LONGEST: f64 = 0.1;
 impl Tracker {
     /// Measures the keyframe that waits again, now that the camera is known to have moved like this since.
     pub(super) fn measure_first_keyframe(&mut self, motion: &CameraMotion) {
-        let Some(keyframe) = &mut self.first_keyframe else {
+        let Some(keyframe) = &mut self.keyframes.first else {
             return;
         };
-        let (Some(last), Some(frame)) = (self.state.last_mut(), &self.previous) else {
+        let (Some(last), Some(frame)) = (self.state.last_mut(), &self.images.previous) else {
             return;
         };
         let seconds = self.front_end.clock.now() - last.time;
@@ -38,6 +38,6 @@ impl Tracker {
     /// The keyframe that waited for the frame `next`, whatever became of that.
     pub(super) fn release_first_keyframe(&mut self, next: FrameId) -> Option<NewKeyframe> {
         let own = self.map.keyframe_id(next);
-        self.first_keyframe.take_if(|k| k.id != own)
+        self.keyframes.first.take_if(|k| k.id != own)
     }
 }

@@ -24,6 +24,7 @@ pub(super) struct FrontEnd {
     learns: bool,
     /// Inliers that make a pose.
     min_inliers: usize,
+    pub(super) simd: Simd,
 }
 
 impl FrontEnd {
@@ -35,6 +36,7 @@ impl FrontEnd {
             calibration: SelfCalibration::new(setup.sensor.timing()),
             learns: setup.sensor.self_calibrate,
             min_inliers: setup.tracking.min_inliers,
+            simd,
         }
     }
 

@@ -25,10 +25,10 @@ impl Tracker {
         }
         let id = self.map.keyframe_id(detections.frame);
         let known = self.map.view.keyframe(id).map(|k| &k.data);
-        let waiting = self.first_keyframe.as_ref().filter(|k| k.id == id);
+        let waiting = self.keyframes.first.as_ref().filter(|k| k.id == id);
         let data = known.or(waiting.map(|k| &k.data)).map(Arc::clone);
         let rejudged = self.filter.take_late(&detections, &self.map.view, data)?;
-        if let Some(waiting) = self.first_keyframe.as_mut().filter(|k| k.id == id) {
+        if let Some(waiting) = self.keyframes.first.as_mut().filter(|k| k.id == id) {
             waiting.keep_out(&rejudged.features);
             return None;
         }
@@ -56,10 +56,10 @@ impl Tracker {
         self.map.view = view;
         let reference = self.state.last().map(|l| l.pose.reference);
         let submap = reference.and_then(|r| self.map.view.submap_of(r));
-        if let Some(id) = submap.filter(|id| self.submap != Some(*id)) {
+        if let Some(id) = submap.filter(|id| self.beginning.submap != Some(*id)) {
             // The submap became part of another: what moves was seen in a frame of reference that is no more.
             self.filter.forget();
-            self.submap = Some(id);
+            self.beginning.submap = Some(id);
             self.forget_world();
         }
     }
@@ -95,16 +95,16 @@ impl Tracker {
     /// After a clock was set back nothing is known of the time since the frame before: there is no velocity, and what is known
     /// of earlier stamps is brought to the new time, or forgotten where that cannot be done.
     pub(super) fn handle_clock(&mut self, stamp: f64) {
-        let before = self.previous.as_ref().map(|f| f.stamp);
+        let before = self.images.previous.as_ref().map(|f| f.stamp);
         if let Some(before) = before.filter(|before| stamp <= *before) {
             self.filter.forget_times();
             self.state.set_clock(stamp - before);
-            self.begun += stamp - before;
+            self.beginning.stamp += stamp - before;
             self.forget_motions();
-            if let Some(inertial) = &mut self.inertial {
+            if let Some(inertial) = &mut self.sensors.inertial {
                 inertial.forget_times();
             }
-            if let Some(odometry) = &mut self.odometry {
+            if let Some(odometry) = &mut self.sensors.odometry {
                 odometry.forget_times();
             }
         }

@@ -9,13 +9,13 @@ impl Tracker {
     /// The tracker with an inertial sensor on the camera.
     #[must_use]
     pub fn with_imu(mut self, model: ImuModel) -> Self {
-        self.inertial = Some(Inertial::new(model));
+        self.sensors.inertial = Some(Inertial::new(model));
         self
     }
 
     /// Takes samples of the inertial sensor, in order of time. Without a sensor ([`Tracker::with_imu`]) they mean nothing.
     pub fn receive_inertial(&mut self, samples: &[ImuSample]) {
-        if let Some(inertial) = &mut self.inertial {
+        if let Some(inertial) = &mut self.sensors.inertial {
             inertial.receive(samples);
         }
     }
@@ -23,12 +23,16 @@ impl Tracker {
     /// Whether there is an inertial sensor.
     #[must_use]
     pub fn has_imu(&self) -> bool {
-        self.inertial.is_some()
+        self.sensors.inertial.is_some()
     }
 
     /// How fast the camera turned at the last pose and turns now, as the angular parts of twists of `camera_later_from_camera_earlier`, rad/s.
     pub(super) fn turning(&self) -> Option<[Vec3; 2]> {
-        let inertial = self.inertial.as_ref().filter(|i| i.is_confirmed())?;
+        let inertial = self
+            .sensors
+            .inertial
+            .as_ref()
+            .filter(|i| i.is_confirmed())?;
         let last = self.state.tracked()?;
         let before = inertial.rate(last.time)?;
         let now = inertial.rate(self.front_end.clock.now())?;

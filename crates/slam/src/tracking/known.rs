@@ -151,9 +151,9 @@ fn gate(turn: &Turn, seconds: f64) -> f64 {
 impl Tracker {
     /// How the camera moved between two moments by the frames' clock, s. A sensor that has moved as the camera did is asked before one that has not yet.
     pub(super) fn known(&self, from: f64, to: f64) -> Option<Known> {
-        let gyro = self.inertial.as_ref();
+        let gyro = self.sensors.inertial.as_ref();
         let gyro = gyro.and_then(|i| Some((i.turn(from, to)?, i.is_confirmed())));
-        let wheels = self.odometry.as_ref();
+        let wheels = self.sensors.odometry.as_ref();
         let wheels = wheels.and_then(|o| Some((o.motion(from, to)?, o.is_confirmed())));
         Some(match (gyro, wheels) {
             (None, None) => return None,
@@ -253,7 +253,7 @@ impl Tracker {
     fn contradicts(&self, camera_from_world: &Se3) -> Option<LostReason> {
         let now = self.front_end.clock.now();
         let differs = |age: f64| {
-            let (time, world_from_camera) = self.past_poses.before(now, age)?;
+            let (time, world_from_camera) = self.sensors.past_poses.before(now, age)?;
             let known = self.known(time, now).filter(|k| k.confirmed)?;
             let seen = *camera_from_world * world_from_camera;
             let [turn, place] = known.gates(now - time);
@@ -303,7 +303,7 @@ impl Tracker {
 
     /// Learns from a pose that was taken what sensors err by, and whether they agree. Poses that hang on few landmarks do not tell.
     pub(super) fn learn_motion(&mut self, notes: &Notes, world_from_camera: &Se3, measured: bool) {
-        if self.inertial.is_none() && self.odometry.is_none() {
+        if self.sensors.inertial.is_none() && self.sensors.odometry.is_none() {
             return;
         }
         let (now, blind) = (self.front_end.clock.now(), self.was_blind());
@@ -312,11 +312,11 @@ impl Tracker {
         let tells = measured && counts.inliers >= HOLDING;
         let against = self.contradicts(&world_from_camera.inverse());
         let slips = tells && can_refute && against == Some(LostReason::AgainstOdometry);
-        self.past_poses.remember(now, world_from_camera);
-        if let Some(inertial) = self.inertial.as_mut().filter(|_| tells) {
+        self.sensors.past_poses.remember(now, world_from_camera);
+        if let Some(inertial) = self.sensors.inertial.as_mut().filter(|_| tells) {
             inertial.learn(now, &world_from_camera.rotation, can_refute);
         }
-        if let Some(odometry) = self.odometry.as_mut().filter(|_| tells) {
+        if let Some(odometry) = self.sensors.odometry.as_mut().filter(|_| tells) {
             odometry.learn(now, world_from_camera, can_refute);
             if slips {
                 odometry.note_slip(now);
@@ -326,18 +326,18 @@ impl Tracker {
 
     /// Nothing that was seen before can be compared with what comes.
     pub(super) fn forget_motions(&mut self) {
-        self.carried = None;
-        self.blind_at = None;
+        self.sensors.carried = None;
+        self.sensors.blind_at = None;
         self.interrupt_comparisons();
     }
 
     /// Poses from before are those of another map.
     fn interrupt_comparisons(&mut self) {
-        self.past_poses.forget();
-        if let Some(inertial) = &mut self.inertial {
+        self.sensors.past_poses.forget();
+        if let Some(inertial) = &mut self.sensors.inertial {
             inertial.interrupt();
         }
-        if let Some(odometry) = &mut self.odometry {
+        if let Some(odometry) = &mut self.sensors.odometry {
             odometry.interrupt();
         }
     }
@@ -345,7 +345,7 @@ impl Tracker {
     /// The world of the map is another one from now on.
     pub(super) fn forget_world(&mut self) {
         self.forget_motions();
-        if let Some(inertial) = &mut self.inertial {
+        if let Some(inertial) = &mut self.sensors.inertial {
             inertial.forget_world();
         }
     }
@@ -358,14 +358,14 @@ impl Tracker {
         };
         let turned = before.rotation.angle_to(&now.rotation) > SAME_WORLD;
         let moved = (before.translation - now.translation).norm() > SAME_WORLD_M;
-        if turned || (moved && self.odometry.is_some()) {
+        if turned || (moved && self.sensors.odometry.is_some()) {
             self.interrupt_comparisons();
         }
     }
 
     /// Hardly anything of what is seen moves as a sensor says that nothing has confirmed yet. Wheels are judged by the map alone: one group more that walks against them says little.
     pub(super) fn stand_against(&mut self, known: &Known) {
-        if let Some(inertial) = self.inertial.as_mut().filter(|_| known.by_gyro) {
+        if let Some(inertial) = self.sensors.inertial.as_mut().filter(|_| known.by_gyro) {
             inertial.stand_against();
         }
     }

@@ -161,7 +161,7 @@ impl Tracker {
     /// are there at once, so a map view that comes late costs nothing.
     fn last_frame_points(&self, last: &LastFrame, points: &mut Vec<Candidate>) {
         // While there is no landmark yet, what is far has to hold the turning.
-        let first = self.first_keyframe.is_some();
+        let first = self.keyframes.first.is_some();
         let close = self.setup.sensor.close_depth;
         let point = |i: usize| {
             let landmark = last.matches[i].and_then(|id| self.map.view.resolve_landmark(id));

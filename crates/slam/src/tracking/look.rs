@@ -44,7 +44,7 @@ impl Tracker {
                 None
             }
         };
-        self.previous = Some(Arc::clone(frame));
+        self.images.previous = Some(Arc::clone(frame));
         if let Some(filter) = notes.filter {
             let before = std::mem::replace(&mut self.filter, filter);
             self.memory.filter.give(before);
@@ -112,7 +112,7 @@ impl Tracker {
             });
         }
         if self.state.last().is_none() {
-            self.begun = frame.stamp;
+            self.beginning.stamp = frame.stamp;
             let begins = notes.counts.with_depth as usize >= MIN_INITIAL_POINTS;
             return begins.then(|| EgoMotion {
                 matches: Matches::new(data.len()),

@@ -35,7 +35,7 @@ impl Tracker {
 
     /// The next frame with a pose becomes a keyframe.
     pub(crate) fn want_keyframe(&mut self) {
-        self.keyframe_wanted = true;
+        self.keyframes.wanted = true;
     }
 
     /// What is known at the last frame. None where that has no pose, or became no keyframe.
@@ -47,7 +47,7 @@ impl Tracker {
             keyframe: last.pose.keyframe?,
             frame: self.trajectory.entries().last()?.frame,
             stamp: last.stamp,
-            submap: self.submap,
+            submap: self.beginning.submap,
             filter: self.filter.clone(),
             motion: *motion,
             data: Arc::clone(&last.data),
@@ -71,8 +71,11 @@ impl Tracker {
         });
         let world_from_camera = view.world_from_keyframe(point.keyframe)?;
         let camera = self.front_end.observer.camera;
-        let mut mirrored = Self::new(self.setup.clone(), camera, self.simd).in_map(view, true);
-        mirrored.front_end = self.front_end.mirrored(&self.setup, point.stamp, self.simd);
+        let mut mirrored =
+            Self::new(self.setup.clone(), camera, self.front_end.simd).in_map(view, true);
+        mirrored.front_end = self
+            .front_end
+            .mirrored(&self.setup, point.stamp, self.front_end.simd);
         mirrored.front_end.clock.take(image);
         // The flow of the next frame ends in this image.
         mirrored.front_end.observe(image, None);
@@ -95,11 +98,19 @@ impl Tracker {
             motion: point.motion.reversed(),
         };
         // Much of what the first frames show was seen by no frame after: whom it belongs to is asked as at every beginning.
-        mirrored.begun = point.stamp;
-        mirrored.inertial = self.inertial.as_ref().map(|i| i.mirrored(point.stamp));
-        mirrored.odometry = self.odometry.as_ref().map(|o| o.mirrored(point.stamp));
-        mirrored.submap = point.submap;
-        mirrored.previous = Some(Arc::clone(image));
+        mirrored.beginning.stamp = point.stamp;
+        mirrored.sensors.inertial = self
+            .sensors
+            .inertial
+            .as_ref()
+            .map(|i| i.mirrored(point.stamp));
+        mirrored.sensors.odometry = self
+            .sensors
+            .odometry
+            .as_ref()
+            .map(|o| o.mirrored(point.stamp));
+        mirrored.beginning.submap = point.submap;
+        mirrored.images.previous = Some(Arc::clone(image));
         mirrored.goes_back = true;
         Some(mirrored)
     }

@@ -76,29 +76,64 @@ pub struct Tracker {
     filter: StaticFilter,
     map: KnownMap,
     state: State,
-    /// The submap that the last pose was in.
-    submap: Option<SubmapId>,
-    /// When the last submap was begun, s.
-    begun: f64,
-    /// Whether hardly anything moved when it was.
-    quiet: bool,
-    since_keyframe: SinceKeyframe,
+    beginning: Beginning,
+    keyframes: Keyframes,
     /// How fast frames come.
     pace: Pace,
     /// Share of the keypoints that moved in the frame before.
     moving_share: f64,
+    images: Images,
+    trajectory: Trajectory,
+    workers: Workers,
+    sensors: Sensors,
+    /// Whether it follows the beginning of a map backwards.
+    goes_back: bool,
+    memory: Memory,
+}
+
+/// The submap that the last pose was in, and how it began.
+struct Beginning {
+    submap: Option<SubmapId>,
+    /// When that was, s.
+    stamp: f64,
+    /// Whether hardly anything moved then.
+    quiet: bool,
+}
+
+impl Default for Beginning {
+    fn default() -> Self {
+        Self {
+            submap: None,
+            stamp: f64::NEG_INFINITY,
+            quiet: true,
+        }
+    }
+}
+
+/// Which frames become keyframes.
+#[derive(Default)]
+struct Keyframes {
+    since: SinceKeyframe,
+    /// Whether the next frame with a pose becomes one, needed or not.
+    wanted: bool,
+    /// That which begins a map or a submap, while it waits for the next frame.
+    first: Option<NewKeyframe>,
+}
+
+/// The images that came before.
+#[derive(Default)]
+struct Images {
     /// The frame before that was a new view, whatever became of it.
     previous: Option<Arc<RgbdFrame>>,
-    /// Which images stand still, and the first frame without a new view.
+    /// Which images stand still.
     watch: StillWatch,
+    /// The first frame without a new view.
     repeated: Option<FrameId>,
-    trajectory: Trajectory,
-    simd: Simd,
-    workers: Workers,
-    /// Whether the next frame with a pose becomes a keyframe, needed or not.
-    keyframe_wanted: bool,
-    /// The keyframe that begins a map or a submap, while it waits for the next frame.
-    first_keyframe: Option<NewKeyframe>,
+}
+
+/// What measures the camera's motion beside images.
+#[derive(Default)]
+struct Sensors {
     /// The inertial sensor, where there is one.
     inertial: Option<Inertial>,
     /// Odometry of the base that carries the camera, where there is any.
@@ -109,9 +144,6 @@ pub struct Tracker {
     carried: Option<Carried>,
     /// When it was carried last, by the frames' clock, s.
     blind_at: Option<f64>,
-    /// Whether it follows the beginning of a map backwards.
-    goes_back: bool,
-    memory: Memory,
 }
 
 /// What is noted of a frame on its way.
@@ -166,25 +198,14 @@ impl Tracker {
             setup,
             map: KnownMap::new(Arc::default(), true),
             state: State::default(),
-            submap: None,
-            begun: f64::NEG_INFINITY,
-            quiet: true,
-            since_keyframe: SinceKeyframe::default(),
+            beginning: Beginning::default(),
+            keyframes: Keyframes::default(),
             pace: Pace::default(),
             moving_share: 0.0,
-            previous: None,
-            watch: StillWatch::default(),
-            repeated: None,
+            images: Images::default(),
             trajectory: Trajectory::default(),
-            simd,
             workers: Workers::default(),
-            keyframe_wanted: false,
-            first_keyframe: None,
-            inertial: None,
-            odometry: None,
-            past_poses: PastPoses::default(),
-            carried: None,
-            blind_at: None,
+            sensors: Sensors::default(),
             goes_back: false,
             memory: Memory::default(),
         }
@@ -224,7 +245,7 @@ impl Tracker {
             Some(Still::Depth) => &Arc::new(frame.without_depth()),
             Some(Still::Rest) | None => frame,
         };
-        self.repeated = None;
+        self.images.repeated = None;
         let data = self.observe(frame, &mut notes);
         let ending = if self.is_first() {
             self.begin_submap(frame, &data, &mut notes)
@@ -239,7 +260,7 @@ impl Tracker {
                 },
             }
         };
-        self.previous = Some(Arc::clone(frame));
+        self.images.previous = Some(Arc::clone(frame));
         self.conclude(frame, notes, ending)
     }
 
@@ -248,12 +269,12 @@ impl Tracker {
         if self.goes_back {
             return None;
         }
-        self.watch.look(frame)
+        self.images.watch.look(frame)
     }
 
     /// The frame that was tracked last, as it was tracked: without a depth image that stands still.
     pub(crate) fn as_tracked(&self, frame: &Arc<RgbdFrame>) -> Arc<RgbdFrame> {
-        let own = self.previous.as_ref().filter(|p| p.id == frame.id);
+        let own = self.images.previous.as_ref().filter(|p| p.id == frame.id);
         Arc::clone(own.unwrap_or(frame))
     }
 

@@ -195,18 +195,21 @@ impl Tracker {
     /// Notes how much moves at a frame, which is so old since the map or submap was begun, s.
     pub(super) fn note_quiet(&mut self, age: f64) {
         if age <= 0.0 {
-            self.quiet = true;
+            self.beginning.quiet = true;
         }
         if age < QUIET && self.moving_share > SOME_MOVE {
-            self.quiet = false;
+            self.beginning.quiet = false;
         }
     }
 
     /// Whether the momentum is that of the camera: where people were about when a map or submap was begun, it may be theirs until it is known who moves. A way
     /// back begins where it is.
     pub(super) fn knows_momentum(&self) -> bool {
-        let age = self.state.last().map_or(0.0, |l| l.stamp - self.begun);
-        self.goes_back || age >= UNDECIDED || (self.quiet && age >= QUIET)
+        let age = self
+            .state
+            .last()
+            .map_or(0.0, |l| l.stamp - self.beginning.stamp);
+        self.goes_back || age >= UNDECIDED || (self.beginning.quiet && age >= QUIET)
     }
 
     /// What the camera's momentum says of the place of a pose that turns about as `camera_from_world`, as its matches see it.

@@ -84,14 +84,14 @@ impl Tracker {
         };
         let matches = vec![None; data.len()];
         self.forget_world();
-        self.submap = Some(SubmapId(id.0));
-        self.begun = frame.stamp;
-        self.since_keyframe.frame = Some(frame.id);
-        self.since_keyframe.coverage = Coverage::of(place.anchored, 0);
+        self.beginning.submap = Some(SubmapId(id.0));
+        self.beginning.stamp = frame.stamp;
+        self.keyframes.since.frame = Some(frame.id);
+        self.keyframes.since.coverage = Coverage::of(place.anchored, 0);
         self.write_down(frame, &place, Some(inliers));
         let motion = CameraMotion::default();
         self.follow_from(frame, &data, matches.clone(), &place, motion);
-        self.first_keyframe = Some(NewKeyframe {
+        self.keyframes.first = Some(NewKeyframe {
             id,
             data: Arc::new(KeyframeData::clone(&data)),
             reference: None,
@@ -130,21 +130,21 @@ impl Tracker {
         if outcome != Outcome::Tracked {
             self.forget_motions();
         }
-        self.carried = None;
+        self.sensors.carried = None;
         let measured = !solution.sightings.is_empty();
         self.learn_motion(notes, &camera_from_world.inverse(), measured);
         self.learn_readout(&mut solution);
         // Only now that the pose is taken: from a refused one, landmarks would seem to be missing that were never in view.
         let worth = self.pace.worth();
-        let statistics = &mut self.since_keyframe.statistics;
+        let statistics = &mut self.keyframes.since.statistics;
         let list = statistics.count(std::mem::take(&mut solution.sightings), worth);
         self.memory.sightings.give(list);
         let (view, reference) = (&self.map.view, solution.reference);
         // A recognised place may lie in another submap than the frames before.
         if let Some(id) = view.submap_of(reference)
-            && self.submap != Some(id)
+            && self.beginning.submap != Some(id)
         {
-            self.submap = Some(id);
+            self.beginning.submap = Some(id);
         }
         let world_from_camera = camera_from_world.inverse();
         // Relative to a keyframe, so that the pose follows when the map is corrected later.
@@ -214,18 +214,18 @@ impl Tracker {
         let Solution { data, matches, .. } = solution;
         let _span = tracing::info_span!("keyframe").entered();
         // If a person filled the view a moment ago, the keyframe would map the person and not the room.
-        if !self.map.grows || self.was_blind() || self.first_keyframe.is_some() {
+        if !self.map.grows || self.was_blind() || self.keyframes.first.is_some() {
             return None;
         }
         let since = |id: FrameId| frame.id.0.saturating_sub(id.0);
-        let frames = self.since_keyframe.frame.map(since);
+        let frames = self.keyframes.since.frame.map(since);
         let pace = self.pace.seconds();
         let gap = frames.map_or(f64::INFINITY, |n| f64::from(n) * pace);
         let (config, view) = (&self.setup.keyframes, &self.map.view);
         let of_reference = view.keyframe(pose.reference)?;
         let tracked = matches.iter().flatten().count();
         let here = &pose.online_world_from_camera;
-        let coverage = &mut self.since_keyframe.coverage;
+        let coverage = &mut self.keyframes.since.coverage;
         coverage.note(tracked);
         let depths = &mut self.memory.depths;
         let mut new_view = || {
@@ -234,17 +234,17 @@ impl Tracker {
         };
         let needed =
             gap >= config.min_seconds && (coverage.lacks_landmarks(config, tracked) || new_view());
-        if !needed && !self.keyframe_wanted {
+        if !needed && !self.keyframes.wanted {
             return None;
         }
-        self.keyframe_wanted = false;
+        self.keyframes.wanted = false;
         let id = self.map.keyframe_id(frame.id);
-        self.since_keyframe.frame = Some(frame.id);
+        self.keyframes.since.frame = Some(frame.id);
         let own = AnchoredPose {
             keyframe: Some(id),
             ..*pose
         };
-        self.since_keyframe.coverage = Coverage::of(own, tracked);
+        self.keyframes.since.coverage = Coverage::of(own, tracked);
         Some(NewKeyframe {
             id,
             // A copy takes no more memory than it needs, and that of the frame is free again when it is over.
@@ -252,7 +252,7 @@ impl Tracker {
             reference: Some(pose.reference),
             reference_from_camera: pose.reference_from_camera,
             matches: matches.clone(),
-            statistics: self.since_keyframe.statistics.take(),
+            statistics: self.keyframes.since.statistics.take(),
             exposure: solution.exposure,
         })
     }
@@ -293,7 +293,7 @@ impl Tracker {
 
     /// Passes over a frame that shows what the one before did: nothing tells where it was taken, and the camera is followed from the frame before.
     pub(super) fn pass_over(&mut self, frame: &RgbdFrame, notes: Notes) -> Tracked {
-        let first = *self.repeated.get_or_insert(frame.id);
+        let first = *self.images.repeated.get_or_insert(frame.id);
         let since = self.state.lost_since().unwrap_or(first);
         let moving_share = self.moving_share;
         let tracked = self.conclude(frame, notes, Ending::lost(since, LostReason::Repeated));
@@ -313,12 +313,12 @@ impl Tracker {
         // A frame that begins a map had no landmarks to agree with, which says nothing about how many keypoints the next one needs.
         let agreed = match ending.outcome {
             Outcome::Initialised => None,
-            _ if self.repeated.is_some() => None,
+            _ if self.images.repeated.is_some() => None,
             _ => has_map.then_some(notes.counts.inliers),
         };
         self.front_end.note_inliers(agreed);
         self.moving_share = notes.counts.moving_share();
-        self.note_quiet(frame.stamp - self.begun);
+        self.note_quiet(frame.stamp - self.beginning.stamp);
         // What the filter saw counts also where no pose came of it: detections that it used are used up.
         if let Some(filter) = notes.filter.take() {
             let before = std::mem::replace(&mut self.filter, filter);
@@ -333,7 +333,7 @@ impl Tracker {
         notes.counts.detections_without_pose = unused.without_pose;
         notes.evidence.has_map = has_map;
         // A frame without a pose is in no submap, though the tracker still remembers the last one.
-        let submap = self.submap.filter(|_| ending.place.is_some());
+        let submap = self.beginning.submap.filter(|_| ending.place.is_some());
         let report = FrameReport {
             frame: frame.id,
             stamp: frame.stamp,
@@ -348,8 +348,8 @@ impl Tracker {
             is_keyframe: ending.place.is_some_and(|p| p.anchored.keyframe.is_some()),
             submap,
             map_version: self.map.view.version(),
-            inertial: self.inertial.as_ref().map(Inertial::report),
-            odometry: self.odometry.as_ref().map(Odometry::report),
+            inertial: self.sensors.inertial.as_ref().map(Inertial::report),
+            odometry: self.sensors.odometry.as_ref().map(Odometry::report),
         };
         Tracked {
             report,

@@ -58,7 +58,7 @@ impl Tracker {
             // What is noted on the way to a pose that is refused goes with it.
             let mut tried = notes.clone();
             // What the filter remembers was seen in the other submap's frame of reference.
-            if self.submap != Some(keyframe.submap) {
+            if self.beginning.submap != Some(keyframe.submap) {
                 self.forget_what_moves(&mut tried);
             }
             let solution = self.settle(frame, data, candidate, &motion, &mut tried);
@@ -94,7 +94,7 @@ impl Tracker {
         let centre = solution.camera_from_world.inverse().translation;
         let moved = (centre - last.world_from_camera.translation).norm();
         let seconds = (stamp - last.stamp).max(0.0);
-        let other_submap = self.submap != Some(keyframe.submap);
+        let other_submap = self.beginning.submap != Some(keyframe.submap);
         // How two submaps lie to each other is not known, so only the time tells whether the camera can have got there.
         let reachable = if other_submap {
             seconds >= CARRIED_S

@@ -52,7 +52,7 @@ impl Tracker {
     /// near, or too few agree.
     fn regain_map(&mut self, frame: FrameId, data: &KeyframeData, fix: &Fix) -> Option<Fix> {
         let _span = tracing::info_span!("regain").entered();
-        let submap = self.submap;
+        let submap = self.beginning.submap;
         let KnownMap {
             surroundings, view, ..
         } = &mut self.map;
@@ -197,7 +197,7 @@ impl Tracker {
         verdicts: &[FeatureVerdict],
         mut matches: Matches,
     ) -> Matches {
-        let (Some(last), Some(previous)) = (self.state.last(), &self.previous) else {
+        let (Some(last), Some(previous)) = (self.state.last(), &self.images.previous) else {
             return matches;
         };
         let velocity = self.state.velocity();

@@ -132,7 +132,7 @@ impl Tracker {
         let known = self.known_since_last();
         let prior = self.prior(&last.world_from_camera, predicted, known.as_ref());
         // Later what moves is known by what it did, and is not asked: then wide gates measure better, also in blurred images.
-        let exact = frame.stamp - self.begun < UNDECIDED || self.moving_share > SOME_MOVE;
+        let exact = frame.stamp - self.beginning.stamp < UNDECIDED || self.moving_share > SOME_MOVE;
         let velocity = self.motion_to(predicted).at_before();
         let VoteMemory {
             voters: votes,
@@ -235,7 +235,7 @@ impl Tracker {
         velocity: Option<&Vec6>,
         voters: &mut Vec<MotionPair>,
     ) -> Option<()> {
-        let previous = self.previous.as_ref()?;
+        let previous = self.images.previous.as_ref()?;
         let reader = self.depth_reader(previous, velocity);
         let shutter = self.front_end.shutter();
         let with_depth =

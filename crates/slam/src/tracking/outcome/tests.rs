@@ -41,7 +41,7 @@ fn tracker(world: &mut World) -> Tracker {
             tracker.follow_from(&frame(0), &data(&[]), Vec::new(), &place, motion);
         }
     }
-    tracker.submap = Some(SubmapId(0));
+    tracker.beginning.submap = Some(SubmapId(0));
     tracker
 }
 
@@ -138,7 +138,7 @@ fn a_recognised_place_is_named_and_may_be_in_another_submap() {
     let ending = tracker.accept(&frame(1), found, &notes());
     let (since, with) = (FrameId(1), KeyframeId(9));
     assert_eq!(ending.outcome, Outcome::Relocalised { since, with });
-    assert_eq!(tracker.submap, Some(SubmapId(9)));
+    assert_eq!(tracker.beginning.submap, Some(SubmapId(9)));
     assert!(tracker.state.velocity().is_none());
 }
 
@@ -160,7 +160,7 @@ fn what_was_seen_of_landmarks_counts_once_the_pose_is_taken() {
         };
         tracker.accept(&frame(id), seen, &notes());
     }
-    let counted = tracker.since_keyframe.statistics.take();
+    let counted = tracker.keyframes.since.statistics.take();
     let counted: Vec<_> = counted.iter().map(|s| (s.id, s.visible, s.gone)).collect();
     let [gone, there] = [33, 31].map(|n| world.landmarks[&(0, n)]);
     assert_eq!(counted, [(there, 3, 0), (gone, 0, 3)]);
@@ -170,7 +170,7 @@ fn what_was_seen_of_landmarks_counts_once_the_pose_is_taken() {
 fn a_keyframe_that_is_wanted_is_made_of_what_was_seen() {
     let mut world = world();
     let mut tracker = tracker(&mut world);
-    tracker.keyframe_wanted = true;
+    tracker.keyframes.wanted = true;
     let seen = Solution {
         sightings: sightings(&world),
         ..solution(&world)
@@ -192,8 +192,8 @@ fn a_keyframe_that_is_wanted_is_made_of_what_was_seen() {
         "the frame's memory is free again"
     );
     // What was handed over starts anew, and what was wanted is done.
-    assert!(!tracker.keyframe_wanted);
-    assert!(tracker.since_keyframe.statistics.take().is_empty());
+    assert!(!tracker.keyframes.wanted);
+    assert!(tracker.keyframes.since.statistics.take().is_empty());
     let entry = tracker.trajectory.entries().last().unwrap();
     assert_eq!(entry.pose.keyframe, Some(KeyframeId(11)));
 }
@@ -202,9 +202,9 @@ fn a_keyframe_that_is_wanted_is_made_of_what_was_seen() {
 fn no_keyframe_is_made_where_the_map_is_only_read_or_the_view_was_blocked_or_one_waits() {
     let spoil: [fn(&mut Tracker); 3] = [
         |t| t.map.grows = false,
-        |t| t.blind_at = Some(t.front_end.clock.now()),
+        |t| t.sensors.blind_at = Some(t.front_end.clock.now()),
         |t| {
-            t.first_keyframe = Some(NewKeyframe {
+            t.keyframes.first = Some(NewKeyframe {
                 id: KeyframeId(10),
                 data: data(&[]),
                 reference: None,
@@ -218,12 +218,12 @@ fn no_keyframe_is_made_where_the_map_is_only_read_or_the_view_was_blocked_or_one
     for (case, spoil) in spoil.iter().enumerate() {
         let mut world = world();
         let mut tracker = tracker(&mut world);
-        tracker.keyframe_wanted = true;
+        tracker.keyframes.wanted = true;
         spoil(&mut tracker);
         let ending = tracker.accept(&frame(1), solution(&world), &notes());
         assert!(ending.keyframe.is_none(), "case {case}");
         assert_eq!(ending.outcome, Outcome::Tracked);
-        assert!(tracker.keyframe_wanted, "case {case}: it is still wanted");
+        assert!(tracker.keyframes.wanted, "case {case}: it is still wanted");
     }
 }
 
@@ -231,11 +231,11 @@ fn no_keyframe_is_made_where_the_map_is_only_read_or_the_view_was_blocked_or_one
 fn a_carried_pose_is_followed_and_makes_no_keyframe() {
     let mut world = world();
     let mut tracker = tracker(&mut world);
-    tracker.keyframe_wanted = true;
+    tracker.keyframes.wanted = true;
     let ending = tracker.accept_carried(&frame(1), solution(&world), FrameId(1));
     let since = FrameId(1);
     assert_eq!(ending.outcome, Outcome::Carried { since });
-    assert!(ending.keyframe.is_none() && tracker.keyframe_wanted);
+    assert!(ending.keyframe.is_none() && tracker.keyframes.wanted);
     let entry = tracker.trajectory.entries().last().unwrap();
     assert_eq!((entry.inliers, entry.carried), (0, true));
     assert!(near(

@@ -125,7 +125,7 @@ fn lose(tracker: &mut Tracker) {
     let last = last(0.0);
     tracker.state = State::Tracking { last, motion };
     tracker.state.lose(FrameId(30));
-    tracker.submap = Some(SubmapId(0));
+    tracker.beginning.submap = Some(SubmapId(0));
 }
 
 fn solution(x: f64) -> Solution {
