@@ -26,14 +26,20 @@ const NUMBER: &str = r"^\s*(?:pub(?:\([a-z]+\))?\s+)?const\s+([A-Z][A-Z0-9_]*)\s
 /// What follows it is tests.
 const TESTS: &str = r"(?m)^\s*#\[cfg\((?:all\()?test(?:.*\n){1,2}?\s*mod \w+";
 /// Words that state a source, by its kind; a percentage states a relation.
-const SOURCES: [(&str, &str); 6] = [
+const SOURCES: [(&str, &str); 7] = [
     ("measurement", "measured|median|percentile|ablation"),
     ("distribution", "quantile|chi|sigma|standard deviation"),
     ("data sheet", "data sheet|datasheet"),
-    ("publication", r"et al|19\d\d|20\d\d"),
-    ("document", "decision|section|equation|docs/"),
-    ("relation", "half of|twice"),
+    ("publication", r"et al|19\d\d|20\d\d|ORB-SLAM\d?"),
+    ("document", "decisions?|section|equation|docs/"),
+    (
+        "relation",
+        "half of|twice|equals|sum of|(?:three|four|five|ten) times|an? (?:third|quarter|fifth|tenth) of",
+    ),
+    (CHOICE, "chosen"),
 ];
+/// The origin of a value that has none but the reason that its comment gives.
+const CHOICE: &str = "choice";
 const UNITS: &str = r"rad/s/sqrt\(Hz\)|(?:rad|s)/sqrt\(s\)|(?:rad|m)/s(?:\^2)?|m/rad|1/m|rad|ms?|s|px|cells|samples|bytes|grey levels";
 /// A unit behind a comma, or in a comment that goes on from the one before.
 const STATED: &str = r"(?:, |^\.\.\. (?:and )?)((?:UNITS)(?: and (?:UNITS))?)(?:[^\w/^]|$)";
@@ -142,10 +148,11 @@ fn page(root: &Path, effects: &BTreeMap<[String; 2], String>) -> Result<String, 
     let parser = Parser::new()?;
     let column = [" halved or doubled |", "---|"];
     let [more, rule] = column.map(|c| if effects.is_empty() { "" } else { c });
-    let mut counts = "| crate | constants | with a source |\n|---|---:|---:|\n".to_owned();
+    let mut counts =
+        "| crate | constants | with a source | chosen |\n|---|---:|---:|---:|\n".to_owned();
     let (mut tables, mut bare) = (String::new(), String::new());
     for (title, folder) in FOLDERS {
-        let (mut all, mut unknown) = (0, 0);
+        let (mut all, mut unknown, mut chosen) = (0, 0, 0);
         write!(tables, "\n## {title}\n")?;
         for path in files(&root.join(folder))? {
             let found = parser.constants(&std::fs::read_to_string(&path)?);
@@ -166,11 +173,13 @@ fn page(root: &Path, effects: &BTreeMap<[String; 2], String>) -> Result<String, 
                 tables.push('\n');
             }
             (all, unknown) = (all + found.len(), unknown + without.len());
+            chosen += rows.iter().filter(|r| r[4] == CHOICE).count();
             if !without.is_empty() {
                 writeln!(bare, "- `{file}`: {}", without.join(", "))?;
             }
         }
-        writeln!(counts, "| {title} | {all} | {} |", all - unknown)?;
+        let sourced = all - unknown - chosen;
+        writeln!(counts, "| {title} | {all} | {sourced} | {chosen} |")?;
     }
     counts += &tables;
     Ok(format!(

@@ -127,7 +127,8 @@ fn a_beginning_that_rode_on_people_is_posed_anew_by_the_wheels() {
     let sequence = "sim:crowd_xyz 90 frames with wheels: largest error of the beginning";
     let found = Figures::all_posed(1e3 * with, 90);
     ate::hold(sequence, "none", "default", found);
-    assert!(without > 0.04, "{without} m, {with} m with wheels");
+    // Control: the wheels are what makes the difference.
+    assert!(without > 2.0 * with, "{without} m, {with} m with wheels");
 }
 
 #[test]

@@ -230,7 +230,7 @@ fn flow_sigma(forward_backward: f64) -> f64 {
 
 impl Observer {
     /// Finds some features of the last image in the one before. What a guess is off by, because the camera accelerates or somebody walks, the guesses
-    /// beside it are off by as well: so every [`SCOUT`]th feature is looked for at all scales, and the others near where these say.
+    /// beside it are off by as well: so every [`SCOUT`]th feature is looked for at all scales, and the others near where these say, or else near their guesses.
     pub(super) fn flow_to_previous(&mut self, guesses: &[Guess], pairs: &mut [Option<FlowPair>]) {
         let _span = tracing::info_span!("flow").entered();
         let mut memory = std::mem::take(&mut self.flow_memory);
@@ -253,7 +253,16 @@ impl Observer {
             (*i, [x + dx, y + dy])
         };
         memory.sought.clear();
-        memory.sought.extend(others.map(expected));
+        memory.sought.extend(others.clone().map(expected));
+        self.find(Reach::Near, &mut memory);
+        // Beside somebody who walks, the scene may stand still.
+        memory.sought.clear();
+        for ((i, guess), found) in others.zip(&memory.found) {
+            match found {
+                Some(found) => pairs[*i] = Some(pair(&self.camera, found, &self.undistorted[*i])),
+                None => memory.sought.push((*i, *guess)),
+            }
+        }
         self.find(Reach::Near, &mut memory);
         for ((i, _), found) in memory.sought.iter().zip(&memory.found) {
             pairs[*i] = found.map(|f| pair(&self.camera, &f, &self.undistorted[*i]));
