@@ -27,7 +27,7 @@ pub(super) struct Observer {
     /// Undistorted pixels of `features`, as exposed row by row.
     pub(super) undistorted: Vec<Vec2>,
     /// Depths around their raw pixels in the depth image, m; 0 where there is none.
-    pub(super) depths: Vec<f32>,
+    depths: Vec<f32>,
     /// Standard deviation of a keypoint on each level, px.
     level_sigmas: Vec<f32>,
     bounds: [f32; 4],

@@ -29,7 +29,6 @@ mod odometry;
 mod outcome;
 mod pose;
 mod relocalise;
-mod scouts;
 mod self_calibration;
 mod sight;
 mod starved;

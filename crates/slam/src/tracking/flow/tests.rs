@@ -65,9 +65,9 @@ fn there_is_no_flow_without_a_frame_before() {
 /// Repetition of the right half of a wall, px.
 const PERIOD: usize = 10;
 
-/// A wall whose right half repeats itself.
+/// A wall that repeats itself but for its left fifth.
 fn repeated(x: usize, y: usize) -> u8 {
-    if x < WALL[0] / 2 + PERIOD {
+    if x < WALL[0] / 5 + PERIOD {
         return blocks(1, x, y);
     }
     let column = (x % PERIOD) / 5;
@@ -235,4 +235,35 @@ fn without_flow_rows_are_learned_from_landmarks_that_both_frames_see() {
         assert_eq!((row.now, row.z), (row.before, f64::from(seen.depth)));
         assert!((row.now.1 - y).abs() < 1e-9);
     }
+}
+
+#[test]
+fn guesses_are_corrected_by_the_median() {
+    let found = |x| {
+        Some(FlowMatch {
+            position: [x, -1.0],
+            residual: 0.0,
+            forward_backward: 0.0,
+        })
+    };
+    let mut memory = FlowMemory {
+        expected: vec![[10.0, 0.0]; 5],
+        // Somebody walks to the right; one is not found.
+        found: vec![found(12.0), None, found(12.5), found(40.0), found(11.5)],
+        ..FlowMemory::default()
+    };
+    assert_eq!(memory.middle_off(), [2.5, -1.0]);
+    memory.found.clear();
+    assert_eq!(memory.middle_off(), [0.0; 2]);
+}
+
+/// A hand that accelerates: all is where no guess expects it, and found although it is looked for near the guess alone.
+#[test]
+fn a_jolt_takes_no_feature() {
+    let shown = |id, shift| wall(id, move |x, y| blocks(1, x + shift, y));
+    let (mut tracker, data) = second_frame(shown(0, 0), shown(1, 12), &Config::default());
+    let (pairs, _) = tracker.flow(&data, &Se3::identity());
+    let errors = off(&data, &pairs, 12.0, [30.0, 280.0]);
+    assert!(errors.len() > 250, "{}", errors.len());
+    assert!(share(&errors, |e| e < 0.3) > 0.95, "{errors:?}");
 }
