@@ -113,28 +113,22 @@ fn first_half_second_off(system: &System, truth: &[(f64, Se3)]) -> f64 {
     (0..15).map(|k| off(k).norm()).fold(0.0, f64::max)
 }
 
-/// Two people own all that is to be seen when the camera is switched on, and walk. The way back over the first second finds the room, and wheels do no harm.
+/// Two people own all that is to be seen when the camera is switched on, and walk. On the way back over the first second they do so again, and then the wheels are known to be right.
 #[test]
-fn a_beginning_among_people_is_right_with_wheels_and_without() {
+fn a_beginning_that_rode_on_people_is_posed_anew_by_the_wheels() {
     let config = SimulatorConfig {
-        scene: "crowd_xyz".into(),
+        scene: "crowd_pitch".into(),
         frames: Some(90),
-        seed: 1,
+        seed: 4,
         ..SimulatorConfig::default()
     };
     let simulator = Simulator::new(&config).unwrap();
     let [with, without] = beginning_off(simulator, &SimulatedOdometry::default());
-    for (off, wheels) in [(with, "with"), (without, "without")] {
-        let sequence =
-            format!("sim:crowd_xyz 90 frames {wheels} wheels: largest error of the beginning");
-        ate::hold(
-            &sequence,
-            "none",
-            "default",
-            Figures::all_posed(1e3 * off, 90),
-        );
-        assert!(off < 0.02, "{off} m {wheels} wheels");
-    }
+    let sequence =
+        "sim:crowd_pitch with seed 4 90 frames with wheels: largest error of the beginning";
+    let found = Figures::all_posed(1e3 * with, 90);
+    ate::hold(sequence, "none", "default", found);
+    assert!(without > 0.04, "{without} m, {with} m with wheels");
 }
 
 #[test]

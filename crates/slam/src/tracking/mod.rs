@@ -13,7 +13,6 @@ mod flow;
 mod frame;
 mod front_end;
 mod inbox;
-mod inertial;
 mod judging;
 mod keyframe;
 mod known;
@@ -25,11 +24,11 @@ mod memory;
 mod mirror;
 mod momentum;
 mod motion;
-mod odometry;
 mod outcome;
 mod pose;
 mod relocalise;
 mod self_calibration;
+mod sensors;
 mod sight;
 mod starved;
 mod state;
@@ -44,22 +43,19 @@ pub(crate) use vote::SOME_MOVE;
 
 use crate::association::Matches;
 use crate::evidence::{Cells, Evidence};
-use crate::inertial::Inertial;
 use crate::messages::{Exposure, NewKeyframe, Tracked};
-use crate::odometry::Odometry;
 use crate::pace::Pace;
 use crate::report::{FrameCounts, LostReason};
 use crate::static_filter::{Judgement, StaticFilter};
 use crate::trajectory::Trajectory;
-use carry::Carried;
 use ego_motion::EgoMotion;
 use front_end::FrontEnd;
-use known::PastPoses;
 use known_map::KnownMap;
 use memory::Memory;
 use outcome::SinceKeyframe;
 use pose::{PosePrior, Precision};
 use self_calibration::RowPair;
+use sensors::Sensors;
 use state::State;
 use statistics::Sightings;
 use std::sync::Arc;
@@ -128,21 +124,6 @@ struct Images {
     watch: StillWatch,
     /// The first frame without a new view.
     repeated: Option<FrameId>,
-}
-
-/// What measures the camera's motion beside images.
-#[derive(Default)]
-struct Sensors {
-    /// The inertial sensor, where there is one.
-    inertial: Option<Inertial>,
-    /// Odometry of the base that carries the camera, where there is any.
-    odometry: Option<Odometry>,
-    /// Poses that were taken, to compare with what these say.
-    past_poses: PastPoses,
-    /// Set while the camera is carried by them.
-    carried: Option<Carried>,
-    /// When it was carried last, by the frames' clock, s.
-    blind_at: Option<f64>,
 }
 
 /// What is noted of a frame on its way.

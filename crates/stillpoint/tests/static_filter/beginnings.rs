@@ -19,7 +19,7 @@ fn crowd(frames: usize) -> Recording {
     static CROWD: LazyLock<Recording> = LazyLock::new(|| {
         let config = SimulatorConfig {
             scene: "crowd_rpy_60".into(),
-            seed: 4,
+            seed: 5,
             ..SimulatorConfig::default()
         };
         Recording::made(config, 0..80, 0.0)
@@ -42,7 +42,7 @@ fn worst_mm(recording: &Recording, poses: &[TimedPose]) -> f64 {
 /// Holds the largest error after the first frames of the crowd against the table of errors.
 #[track_caller]
 fn hold_worst(frames: usize, worst_mm: f64, run: &Run) {
-    let sequence = format!("sim:crowd_rpy_60 with seed 4 {frames} frames: largest error");
+    let sequence = format!("sim:crowd_rpy_60 with seed 5 {frames} frames: largest error");
     let found = Figures {
         error_mm: worst_mm,
         frames,
@@ -90,7 +90,7 @@ fn a_beginning_that_rode_on_somebody_is_posed_again() {
     println!("{then:.0} mm at each frame, {now:.0} mm in the end, {undecided} undecided");
     hold_worst(80, now, &run);
     // Control: what was known at each frame.
-    assert!(then > 2.0 * now && now < 20.0, "{then} mm, {now} mm");
+    assert!(then > 50.0 && now < 20.0, "{then} mm, {now} mm");
     assert!((30..45).contains(&undecided), "{undecided}");
     let [revoked] = &*run.revoked else {
         panic!("{:?}", run.revoked)
@@ -134,7 +134,7 @@ fn a_beginning_is_posed_again_where_the_stream_ends_on_the_way() {
         println!("{frames} frames: {then:.0} mm before the end, {now:.0} mm after it");
         hold_worst(frames, now, &run);
         // Control: what there is before the end of the stream.
-        assert!(then > 2.0 * now && now < 20.0, "{then} mm, {now} mm");
+        assert!(then > 50.0 && now < 20.0, "{then} mm, {now} mm");
         assert_eq!(run.system.trajectory().entries().len(), frames);
         assert_eq!(run.revoked.len(), 1);
         assert_eq!(run.system.map().check(), Ok(()));

@@ -1,9 +1,27 @@
-//! The gyroscope beside the camera: how fast the camera turns.
+//! What measures the camera's motion beside images: a gyroscope on the camera, and odometry of the base that carries it.
 
 use super::Tracker;
+use super::carry::Carried;
+use super::known::PastPoses;
 use crate::inertial::Inertial;
-use stillpoint_geometry::{ImuModel, Vec3, Vec6};
-use stillpoint_imaging::ImuSample;
+use crate::odometry::Odometry;
+use stillpoint_geometry::{ImuModel, OdometryModel, Vec3, Vec6};
+use stillpoint_imaging::{ImuSample, OdometrySample};
+
+/// The sensors, and what is known by them.
+#[derive(Default)]
+pub(super) struct Sensors {
+    /// The inertial sensor, where there is one.
+    pub(super) inertial: Option<Inertial>,
+    /// Odometry of the base that carries the camera, where there is any.
+    pub(super) odometry: Option<Odometry>,
+    /// Poses that were taken, to compare with what these say.
+    pub(super) past_poses: PastPoses,
+    /// Set while the camera is carried by them.
+    pub(super) carried: Option<Carried>,
+    /// When it was carried last, by the frames' clock, s.
+    pub(super) blind_at: Option<f64>,
+}
 
 impl Tracker {
     /// The tracker with an inertial sensor on the camera.
@@ -47,5 +65,25 @@ impl Tracker {
             velocity.fixed_rows_mut::<3>(3).copy_from(&now);
         }
         Some(velocity)
+    }
+
+    /// The tracker with odometry of the base that carries the camera.
+    #[must_use]
+    pub fn with_odometry(mut self, model: OdometryModel) -> Self {
+        self.sensors.odometry = Some(Odometry::new(model));
+        self
+    }
+
+    /// Takes samples of the odometry, in order of time. Without any ([`Tracker::with_odometry`]) they mean nothing.
+    pub fn receive_odometry(&mut self, samples: &[OdometrySample]) {
+        if let Some(odometry) = &mut self.sensors.odometry {
+            odometry.receive(samples);
+        }
+    }
+
+    /// Whether there is odometry.
+    #[must_use]
+    pub fn has_odometry(&self) -> bool {
+        self.sensors.odometry.is_some()
     }
 }
