@@ -55,7 +55,7 @@ pub struct MotionOptions {
     pub confidence: f64,
     /// Least number of samples.
     pub min_iterations: usize,
-    /// Largest number of samples.
+    /// Maximum number of samples; with 0 only the prior is refined.
     pub max_iterations: usize,
     /// Factor on the squared chi-square gates (95 %) of the measurements.
     pub gate_scale: f64,

@@ -188,7 +188,10 @@ impl Search<'_> {
     /// Draws samples until a better motion has become improbable; returns how many.
     fn sample(&mut self, mut rng: Rng) -> usize {
         let o = self.options;
-        let range = (o.min_iterations.max(1), o.max_iterations.max(1));
+        if o.max_iterations == 0 {
+            return 0;
+        }
+        let range = (o.min_iterations.max(1), o.max_iterations);
         let needed = |share: f64| ransac_iterations(o.confidence, share, 3, range);
         let mut iterations = 0;
         let mut limit = needed(self.share());

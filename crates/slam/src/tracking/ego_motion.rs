@@ -1,11 +1,12 @@
 //! How the camera moved, before anything is known of what else does.
 
 use super::flow::Guess;
-use super::vote::Vote;
+use super::vote::{Search, Vote};
 use super::{Notes, Tracker};
 use crate::association::Matches;
 use crate::report::LostReason;
 use crate::static_filter::FlowPair;
+use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{KeyframeData, KeyframeId};
@@ -15,6 +16,8 @@ const SHUTTER_PX: f64 = 0.3;
 
 /// The camera's motion since the last frame, and what it was found from.
 pub(super) struct EgoMotion {
+    /// The features of the frame, measured for a camera that moves by about `velocity`.
+    pub(super) data: Arc<KeyframeData>,
     /// The first pose.
     pub(super) camera_from_world: Se3,
     /// The velocity that it amounts to, twist per second; none when the last frame has no pose.
@@ -33,11 +36,12 @@ pub(super) struct EgoMotion {
 
 impl EgoMotion {
     /// What is known of the first frame of a map: that the camera is where the map begins.
-    pub(super) fn unknown() -> Self {
+    pub(super) fn unknown(data: Arc<KeyframeData>) -> Self {
         Self {
             camera_from_world: Se3::identity(),
             velocity: None,
-            matches: Matches::new(0),
+            matches: Matches::new(data.len()),
+            data,
             pairs: Vec::new(),
             rest: Vec::new(),
             by_flow: None,
@@ -70,7 +74,8 @@ impl Tracker {
         }
         let velocity = moved.at_last();
         // How fast the camera turns is known now, and with it where the rows of the image belong.
-        let data = &self.front_end.measure(frame, velocity.as_ref(), None);
+        let measured = self.front_end.measure(frame, velocity.as_ref());
+        let data = &*measured;
         let (matches, matched) = self
             .match_last_frame(frame.id, data, reference, &start)
             .or_else(|lost| Ok((Matches::new(data.len()), voted.ok_or(lost)?)))?;
@@ -81,6 +86,7 @@ impl Tracker {
         self.bring_to_stamps(data, &mut pairs, &self.motion_to(&pose));
         self.recheck_flow(data, &mut pairs, &pose);
         Ok(EgoMotion {
+            data: measured,
             camera_from_world: pose,
             velocity: self.motion_to(&pose).at_last(),
             matches,
@@ -99,7 +105,7 @@ impl Tracker {
         pairs: &mut [Option<FlowPair>],
         start: &Se3,
     ) -> Option<Vote> {
-        let vote = self.vote(frame, data, pairs, start)?;
+        let vote = self.vote(frame, data, pairs, start, Search::Samples)?;
         let velocity_at = |pose: &Se3| self.motion_to(pose);
         let (expected, found) = (velocity_at(start), velocity_at(&vote.camera_from_world));
         let change = found.at_last()? - expected.at_last()?;
@@ -107,7 +113,8 @@ impl Tracker {
             return Some(vote);
         }
         self.bring_to_stamps(data, pairs, &found);
-        self.vote(frame, data, pairs, &vote.camera_from_world)
+        // It is known who moves, and the correction moves no pair from one motion to another.
+        self.vote(frame, data, pairs, &vote.camera_from_world, Search::Refine)
             .or(Some(vote))
     }
 

@@ -155,14 +155,14 @@ impl Tracker {
 }
 
 impl Tracker {
-    /// Adds to `rows` what stands still in the frame before and in this one, whose features are `data`, as exposed.
+    /// Adds to `rows` the static features of this frame that flow finds in the frame before, as exposed.
     pub(super) fn followed(
         &self,
         motion: &EgoMotion,
         verdicts: &[FeatureVerdict],
-        data: &KeyframeData,
         rows: &mut Vec<RowPair>,
     ) {
+        let data = &motion.data;
         let observer = &self.front_end.observer;
         let pair = |(i, pair): (usize, &Option<FlowPair>)| {
             let pair = pair.as_ref().filter(|_| !verdicts[i].dynamic)?;

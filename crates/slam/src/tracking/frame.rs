@@ -8,7 +8,7 @@ use crate::static_filter::FeatureVerdict;
 use crate::timing::Timing;
 use std::sync::Arc;
 use stillpoint_features::{
-    FeatureGrid, Features, Flow, FlowConfig, Keypoint, OrbConfig, OrbExtractor,
+    Descriptor, FeatureGrid, Features, Flow, FlowConfig, Keypoint, OrbConfig, OrbExtractor,
 };
 use stillpoint_geometry::{Camera, Vec2, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd, workers};
@@ -31,10 +31,9 @@ pub(super) struct Observer {
     /// Standard deviation of a keypoint on each level, px.
     level_sigmas: Vec<f32>,
     bounds: [f32; 4],
-    /// Features that are measured, and what was seen of them.
-    kept: Vec<usize>,
-    levels: Vec<u8>,
+    /// Measurements of `features`.
     seen: Vec<Seen>,
+    levels: Vec<u8>,
     pub(super) flow_memory: FlowMemory,
     /// What was handed over lately: its memory is used again when nobody holds it any more.
     handed_over: Vec<Arc<KeyframeData>>,
@@ -62,9 +61,8 @@ impl Observer {
             depths: Vec::new(),
             level_sigmas,
             bounds: camera.undistorted_bounds().map(|b| b as f32),
-            kept: Vec::new(),
-            levels: Vec::new(),
             seen: Vec::new(),
+            levels: Vec::new(),
             flow_memory: FlowMemory::default(),
             handed_over: Vec::new(),
         }
@@ -97,21 +95,15 @@ impl Observer {
         });
     }
 
-    /// What the frame saw, whose depth image was taken so many s after its colour image, brought to the time of its stamp by the camera's
-    /// velocity (twist per second): all of it, or without the features whose verdict is dynamic.
+    /// Measures all features of the frame: positions and depths at its stamp, for a camera that moves by `velocity` (twist per second). The depth image
+    /// was exposed `depth_lag` s after the colour image.
     pub(super) fn measure(
         &mut self,
         frame: &RgbdFrame,
         velocity: Option<&Vec6>,
         (timing, depth_lag): (&Timing, f64),
-        verdicts: Option<&[FeatureVerdict]>,
     ) -> Arc<KeyframeData> {
         let _span = tracing::info_span!("depth").entered();
-        self.kept.clear();
-        let all = 0..self.features.keypoints.len();
-        let is_kept = |i: &usize| verdicts.is_none_or(|v| !v[*i].dynamic);
-        self.kept.reserve(all.len());
-        self.kept.extend(all.filter(is_kept));
         let reader = DepthReader::new(
             &self.sensor,
             &self.camera,
@@ -121,25 +113,51 @@ impl Observer {
         );
         let shutter = Shutter::new(&self.camera, timing);
         let mut seen = std::mem::take(&mut self.seen);
-        seen.resize(self.kept.len(), Seen::default());
+        let count = self.features.keypoints.len();
+        seen.resize(count, Seen::default());
         workers::in_rows(&mut seen, LANES, MEASURED_TOGETHER / LANES, |row, seen| {
-            let features = &self.kept[row * LANES..][..seen.len()];
-            for (features, seen) in features.chunks(LANES).zip(seen.chunks_mut(LANES)) {
-                self.measure_some(features, (&reader, &shutter, velocity), seen);
+            let mut first = row * LANES;
+            for seen in seen.chunks_mut(LANES) {
+                self.measure_some(first, (&reader, &shutter, velocity), seen);
+                first += LANES;
             }
         });
         self.seen = seen;
-        let level = |i: &usize| self.features.keypoints[*i].level;
-        self.levels.clear();
-        self.levels.extend(self.kept.iter().map(level));
+        self.hand_over(|observer, data| observer.write(frame, data))
+    }
+
+    /// The features of `data` without those whose verdict is dynamic.
+    pub(super) fn select(
+        &mut self,
+        data: &KeyframeData,
+        verdicts: &[FeatureVerdict],
+    ) -> Arc<KeyframeData> {
+        fn select<T: Copy>(from: &[T], verdicts: &[FeatureVerdict], to: &mut Vec<T>) {
+            let kept = from.iter().zip(verdicts).filter(|(_, v)| !v.dynamic);
+            refill(kept.map(|(value, _)| *value), to);
+        }
+        self.hand_over(|observer, selected| {
+            selected.stamp = data.stamp;
+            select(&data.keypoints, verdicts, &mut selected.keypoints);
+            select(&data.positions, verdicts, &mut selected.positions);
+            select(&data.sigma_px, verdicts, &mut selected.sigma_px);
+            select(&data.depths, verdicts, &mut selected.depths);
+            select(&data.depth_sigmas, verdicts, &mut selected.depth_sigmas);
+            let descriptors = unshared(&mut selected.descriptors);
+            select(&data.descriptors, verdicts, descriptors);
+            let kept = verdicts.iter().filter(|v| !v.dynamic);
+            refill(kept.map(FeatureVerdict::may_map), &mut selected.mappable);
+            observer.index(selected);
+        })
+    }
+
+    /// Fills the data of a frame, in memory that is free again.
+    fn hand_over(&mut self, fill: impl FnOnce(&mut Self, &mut KeyframeData)) -> Arc<KeyframeData> {
         let free = |data: &Arc<KeyframeData>| Arc::strong_count(data) == 1;
         let spent = self.handed_over.iter().position(free);
         let spent = spent.map(|i| self.handed_over.remove(i));
-        let data = refill_or(
-            spent,
-            || self.nothing(),
-            |data| self.write(frame, verdicts, data),
-        );
+        let camera = self.camera;
+        let data = refill_or(spent, || nothing(camera), |data| fill(self, data));
         if self.handed_over.len() >= MOST_HANDED_OVER {
             self.handed_over.remove(0);
         }
@@ -147,67 +165,42 @@ impl Observer {
         data
     }
 
-    /// What a frame sees that sees nothing.
-    fn nothing(&self) -> KeyframeData {
-        KeyframeData {
-            stamp: 0.0,
-            camera: self.camera,
-            keypoints: Vec::new(),
-            positions: Vec::new(),
-            sigma_px: Vec::new(),
-            depths: Vec::new(),
-            depth_sigmas: Vec::new(),
-            descriptors: Arc::default(),
-            mappable: Vec::new(),
-            grid: FeatureGrid::default(),
-        }
+    /// Writes down the measurements of all features.
+    fn write(&mut self, frame: &RgbdFrame, data: &mut KeyframeData) {
+        let (seen, features) = (&self.seen, &self.features);
+        data.stamp = frame.stamp;
+        refill(seen.iter().map(|s| s.position), &mut data.positions);
+        refill(seen.iter().map(|s| s.depth), &mut data.depths);
+        refill(seen.iter().map(|s| s.depth_sigma), &mut data.depth_sigmas);
+        refill(features.keypoints.iter().copied(), &mut data.keypoints);
+        let sigma = |k: &Keypoint| self.level_sigmas[usize::from(k.level)];
+        refill(data.keypoints.iter().map(sigma), &mut data.sigma_px);
+        let descriptors = features.descriptors.iter().copied();
+        refill(descriptors, unshared(&mut data.descriptors));
+        data.mappable.clear();
+        data.mappable.resize(features.keypoints.len(), true);
+        self.index(data);
     }
 
-    /// Writes down what was seen of the features that are kept.
-    fn write(
-        &self,
-        frame: &RgbdFrame,
-        verdicts: Option<&[FeatureVerdict]>,
-        data: &mut KeyframeData,
-    ) {
-        fn write<T>(values: impl Iterator<Item = T>, out: &mut Vec<T>) {
-            out.clear();
-            out.extend(values);
-        }
-        let (kept, seen, features) = (&self.kept, &self.seen, &self.features);
-        data.stamp = frame.stamp;
-        write(seen.iter().map(|s| s.position), &mut data.positions);
-        write(seen.iter().map(|s| s.depth), &mut data.depths);
-        write(seen.iter().map(|s| s.depth_sigma), &mut data.depth_sigmas);
-        let keypoints = kept.iter().map(|i| features.keypoints[*i]);
-        write(keypoints, &mut data.keypoints);
-        let sigma = |k: &Keypoint| self.level_sigmas[usize::from(k.level)];
-        write(data.keypoints.iter().map(sigma), &mut data.sigma_px);
-        let descriptors = kept.iter().map(|i| features.descriptors[*i]);
-        if Arc::get_mut(&mut data.descriptors).is_none() {
-            // What recognises a place by them keeps them.
-            data.descriptors = Arc::default();
-        }
-        write(descriptors, Arc::make_mut(&mut data.descriptors));
-        let may_map = |i: &usize| verdicts.is_none_or(|v| v[*i].may_map());
-        write(kept.iter().map(may_map), &mut data.mappable);
+    /// Sorts the features of `data` into its grid.
+    fn index(&mut self, data: &mut KeyframeData) {
+        refill(data.keypoints.iter().map(|k| k.level), &mut self.levels);
         data.grid
             .rebuild(&data.positions, &self.levels, self.bounds);
     }
 
-    /// What was seen of up to [`LANES`] features, whose depths are read together.
+    /// Measures up to [`LANES`] features from `first` on, whose depths are read together.
     fn measure_some(
         &self,
-        features: &[usize],
+        first: usize,
         (reader, shutter, velocity): (&DepthReader<'_>, &Shutter<'_>, Option<&Vec6>),
         seen: &mut [Seen],
     ) {
-        let of = |l: usize| features.get(l).copied();
-        let points = std::array::from_fn(|l| {
-            of(l).map(|i| DepthPoint {
-                raw: raw_pixel(&self.features.keypoints[i]),
-                undistorted: self.undistorted[i],
-                here: self.depths[i],
+        let points = std::array::from_fn(|lane| {
+            (lane < seen.len()).then(|| DepthPoint {
+                raw: raw_pixel(&self.features.keypoints[first + lane]),
+                undistorted: self.undistorted[first + lane],
+                here: self.depths[first + lane],
             })
         });
         let readings = reader.read_all(&points);
@@ -278,6 +271,36 @@ impl Seen {
             depth_sigma: reading.map_or(0.0, |r| r.sigma as f32),
         }
     }
+}
+
+/// Data of a frame without features.
+fn nothing(camera: Camera) -> KeyframeData {
+    KeyframeData {
+        stamp: 0.0,
+        camera,
+        keypoints: Vec::new(),
+        positions: Vec::new(),
+        sigma_px: Vec::new(),
+        depths: Vec::new(),
+        depth_sigmas: Vec::new(),
+        descriptors: Arc::default(),
+        mappable: Vec::new(),
+        grid: FeatureGrid::default(),
+    }
+}
+
+/// Puts `values` in the place of what a list holds.
+fn refill<T>(values: impl Iterator<Item = T>, list: &mut Vec<T>) {
+    list.clear();
+    list.extend(values);
+}
+
+/// The list of descriptors to write into: a new one while place recognition holds the old one.
+fn unshared(descriptors: &mut Arc<Vec<Descriptor>>) -> &mut Vec<Descriptor> {
+    if Arc::get_mut(descriptors).is_none() {
+        *descriptors = Arc::default();
+    }
+    Arc::make_mut(descriptors)
 }
 
 /// Where a keypoint is in the image as recorded, px.

@@ -7,7 +7,6 @@ use super::frame::Observer;
 use super::self_calibration::{Between, RowPair, SelfCalibration};
 use crate::messages::Exposure;
 use crate::shutter::Shutter;
-use crate::static_filter::FeatureVerdict;
 use crate::timing::Timing;
 use std::sync::Arc;
 use stillpoint_geometry::{Camera, Se3, Vec6};
@@ -50,29 +49,22 @@ impl FrontEnd {
         }
     }
 
-    /// Extracts the features of a frame and reads their depths, with the camera moving by `velocity`.
-    pub(super) fn observe(
-        &mut self,
-        frame: &RgbdFrame,
-        velocity: Option<&Vec6>,
-    ) -> Arc<KeyframeData> {
+    /// Extracts the features of a frame and reads their depths, as of a camera that does not move.
+    pub(super) fn observe(&mut self, frame: &RgbdFrame) -> Arc<KeyframeData> {
         let wanted = self.demand.next(self.min_inliers);
         self.observer.extractor.set_wanted(wanted);
         self.observer.extract(frame);
-        self.measure(frame, velocity, None)
+        self.measure(frame, None)
     }
 
-    /// The features of the frame that was observed last, brought to its stamp by the camera's velocity: all of them, or without those
-    /// whose verdict is dynamic.
+    /// Measures the features of the frame that was observed last, for a camera that moves by `velocity` (twist per second).
     pub(super) fn measure(
         &mut self,
         frame: &RgbdFrame,
         velocity: Option<&Vec6>,
-        verdicts: Option<&[FeatureVerdict]>,
     ) -> Arc<KeyframeData> {
         let (timing, lag) = (self.calibration.timing(), self.depth_lag(frame));
-        self.observer
-            .measure(frame, velocity, (timing, lag), verdicts)
+        self.observer.measure(frame, velocity, (timing, lag))
     }
 
     /// What `data` has of a frame, brought to its stamp by another velocity of the camera.

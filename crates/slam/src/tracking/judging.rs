@@ -12,8 +12,7 @@ use stillpoint_map::KeyframeData;
 impl Tracker {
     /// Extracts the features of a frame and reads their depths.
     pub(super) fn observe(&mut self, frame: &RgbdFrame, notes: &mut Notes) -> Arc<KeyframeData> {
-        let velocity = self.expected_velocity();
-        let data = self.front_end.observe(frame, velocity.as_ref());
+        let data = self.front_end.observe(frame);
         notes.counts.keypoints = data.len() as u32;
         notes.counts.with_depth = data.depths.iter().filter(|z| **z > 0.0).count() as u32;
         data
@@ -28,14 +27,9 @@ impl Tracker {
         }
     }
 
-    /// Asks the static filter about the features `data` of a frame.
-    pub(super) fn judge(
-        &mut self,
-        frame: &RgbdFrame,
-        data: &KeyframeData,
-        motion: &EgoMotion,
-        notes: &mut Notes,
-    ) {
+    /// Asks the static filter about the features of a frame.
+    pub(super) fn judge(&mut self, frame: &RgbdFrame, motion: &EgoMotion, notes: &mut Notes) {
+        let data = &motion.data;
         let features = &mut self.memory.pixels;
         features.clear();
         features.extend(data.keypoints.iter().map(|k| [k.x, k.y]));
@@ -64,17 +58,14 @@ impl Tracker {
         notes.evidence.judged = true;
     }
 
-    /// The features that the static filter left, brought to the frame's stamp by its own motion, and their matches.
+    /// The features that the static filter left, and their matches.
     pub(super) fn keep_static(
         &mut self,
-        frame: &RgbdFrame,
         motion: &EgoMotion,
         notes: &Notes,
     ) -> (Arc<KeyframeData>, Matches) {
         let verdicts = &notes.judgement.verdicts;
-        let velocity = motion.velocity.as_ref();
-        // Measured again: the first time only the velocity of the frame before was known, which the shutter's correction depends on.
-        let data = self.front_end.measure(frame, velocity, Some(verdicts));
+        let data = self.front_end.observer.select(&motion.data, verdicts);
         let kept = verdicts.iter().map(|v| !v.dynamic);
         let targets = self.memory.matching.targets.take();
         (data, motion.matches.select(kept, targets))

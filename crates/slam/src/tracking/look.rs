@@ -6,7 +6,6 @@ use super::pose::PosePrior;
 use super::state::{LastFrame, State};
 use super::{Notes, Tracker};
 use crate::anchored_pose::AnchoredPose;
-use crate::association::Matches;
 use crate::static_filter::{CapturePose, FeatureVerdict, Judgement};
 use std::sync::Arc;
 use stillpoint_detection::{Detections, Object};
@@ -36,7 +35,7 @@ impl Tracker {
         let data = self.observe(frame, &mut notes);
         let world_from_camera = match self.motion_without_map(frame, &data, given, &mut notes) {
             Some(motion) => {
-                self.judge(frame, &data, &motion, &mut notes);
+                self.judge(frame, &motion, &mut notes);
                 Some(self.settle_without_map(frame, &motion, given, &notes))
             }
             None => {
@@ -92,7 +91,7 @@ impl Tracker {
     fn motion_without_map(
         &mut self,
         frame: &RgbdFrame,
-        data: &KeyframeData,
+        data: &Arc<KeyframeData>,
         given: Option<&Se3>,
         notes: &mut Notes,
     ) -> Option<EgoMotion> {
@@ -100,24 +99,21 @@ impl Tracker {
             let camera_from_world = world_from_camera.inverse();
             let (mut pairs, rest) = self.flow(data, &camera_from_world);
             self.recheck_flow(data, &mut pairs, &camera_from_world);
-            let motion = self.motion_to(&camera_from_world);
+            let velocity = self.motion_to(&camera_from_world).at_last();
+            let data = self.front_end.measure(frame, velocity.as_ref());
             return Some(EgoMotion {
                 follows: true,
                 camera_from_world,
-                velocity: motion.at_last(),
-                matches: Matches::new(data.len()),
+                velocity,
                 pairs,
                 rest,
-                by_flow: None,
+                ..EgoMotion::unknown(data)
             });
         }
         if self.state.last().is_none() {
             self.beginning.stamp = frame.stamp;
             let begins = notes.counts.with_depth as usize >= MIN_INITIAL_POINTS;
-            return begins.then(|| EgoMotion {
-                matches: Matches::new(data.len()),
-                ..EgoMotion::unknown()
-            });
+            return begins.then(|| EgoMotion::unknown(Arc::clone(data)));
         }
         let now = self.front_end.clock.now();
         let (reference, predicted) = self.state.predict(&self.map.view, now);
@@ -133,7 +129,7 @@ impl Tracker {
         given: Option<&Se3>,
         notes: &Notes,
     ) -> Se3 {
-        let (data, matches) = self.keep_static(frame, motion, notes);
+        let (data, matches) = self.keep_static(motion, notes);
         let enough = self.setup.tracking.min_inliers;
         let mut information = None;
         let world_from_camera = match given {

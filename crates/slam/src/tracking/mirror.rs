@@ -78,7 +78,7 @@ impl Tracker {
             .mirrored(&self.setup, point.stamp, self.front_end.simd);
         mirrored.front_end.clock.take(image);
         // The flow of the next frame ends in this image.
-        mirrored.front_end.observe(image, None);
+        mirrored.front_end.observe(image);
         let pose = AnchoredPose {
             keyframe: Some(point.keyframe),
             reference: point.keyframe,

@@ -276,7 +276,7 @@ impl Tracker {
         self.note_correction(before);
         let predicted = self.moved(predicted);
         let motion = self.estimate_motion(frame, data, reference, &predicted, notes)?;
-        let solution = self.settle(frame, data, reference, &motion, notes);
+        let solution = self.settle(frame, reference, &motion, notes);
         self.memory.give(motion);
         solution
     }
@@ -285,14 +285,12 @@ impl Tracker {
     fn settle(
         &mut self,
         frame: &RgbdFrame,
-        data: &KeyframeData,
         reference: KeyframeId,
         motion: &EgoMotion,
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
-        self.judge(frame, data, motion, notes);
-        let full = data;
-        let (data, matches) = self.keep_static(frame, motion, notes);
+        self.judge(frame, motion, notes);
+        let (data, matches) = self.keep_static(motion, notes);
         let (reference, matches, sightings) =
             self.match_map(frame, &data, reference, motion, matches, &mut notes.counts);
         let fix = self.refine(&data, reference, motion, matches, sightings);
@@ -304,7 +302,7 @@ impl Tracker {
         solution.exposure = self.front_end.exposure(motion.velocity);
         solution.followed = self.memory.rows.take();
         let rows = &mut solution.followed;
-        self.followed(motion, &notes.judgement.verdicts, full, rows);
+        self.followed(motion, &notes.judgement.verdicts, rows);
         Ok(solution)
     }
 

@@ -53,12 +53,12 @@ impl Tracker {
     pub(super) fn begin_submap(
         &mut self,
         frame: &RgbdFrame,
-        data: &KeyframeData,
+        data: &Arc<KeyframeData>,
         notes: &mut Notes,
     ) -> Ending {
-        self.judge(frame, data, &EgoMotion::unknown(), notes);
-        let verdicts = Some(&*notes.judgement.verdicts);
-        let data = self.front_end.measure(frame, None, verdicts);
+        let motion = EgoMotion::unknown(Arc::clone(data));
+        self.judge(frame, &motion, notes);
+        let (data, _) = self.keep_static(&motion, notes);
         let (counts, enough) = (&notes.counts, MIN_INITIAL_POINTS);
         if (counts.with_depth as usize) < enough {
             let reason = if (counts.keypoints as usize) < enough {

@@ -38,7 +38,7 @@ impl Tracker {
     pub(super) fn relocalise(
         &mut self,
         frame: &RgbdFrame,
-        data: &KeyframeData,
+        data: &Arc<KeyframeData>,
         reason: LostReason,
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
@@ -61,7 +61,7 @@ impl Tracker {
             if self.beginning.submap != Some(keyframe.submap) {
                 self.forget_what_moves(&mut tried);
             }
-            let solution = self.settle(frame, data, candidate, &motion, &mut tried);
+            let solution = self.settle(frame, candidate, &motion, &mut tried);
             if let Ok(solution) = solution
                 && self.is_plausible(frame.stamp, keyframe, &solution, &tried)
             {
@@ -122,7 +122,7 @@ impl Tracker {
     fn find_at(
         &self,
         frame: &RgbdFrame,
-        data: &KeyframeData,
+        data: &Arc<KeyframeData>,
         keyframe: &Keyframe,
     ) -> Option<EgoMotion> {
         let _span = tracing::info_span!("verify").entered();
@@ -155,7 +155,7 @@ impl Tracker {
         Some(EgoMotion {
             camera_from_world,
             matches,
-            ..EgoMotion::unknown()
+            ..EgoMotion::unknown(Arc::clone(data))
         })
     }
 
@@ -163,7 +163,7 @@ impl Tracker {
     pub(super) fn give_up(
         &mut self,
         frame: &RgbdFrame,
-        data: &KeyframeData,
+        data: &Arc<KeyframeData>,
         reason: LostReason,
         notes: &mut Notes,
     ) -> Ending {

@@ -5,7 +5,7 @@ use super::carry::Carried;
 use super::known::PastPoses;
 use crate::inertial::Inertial;
 use crate::odometry::Odometry;
-use stillpoint_geometry::{ImuModel, OdometryModel, Vec3, Vec6};
+use stillpoint_geometry::{ImuModel, OdometryModel, Vec3};
 use stillpoint_imaging::{ImuSample, OdometrySample};
 
 /// The sensors, and what is known by them.
@@ -56,15 +56,6 @@ impl Tracker {
         let now = inertial.rate(self.front_end.clock.now())?;
         // What the camera sees turns the other way.
         Some([-before, -now])
-    }
-
-    /// The velocity that is expected of this frame before its pose is known.
-    pub(super) fn expected_velocity(&self) -> Option<Vec6> {
-        let mut velocity = self.state.velocity()?;
-        if let Some([_, now]) = self.turning() {
-            velocity.fixed_rows_mut::<3>(3).copy_from(&now);
-        }
-        Some(velocity)
     }
 
     /// The tracker with odometry of the base that carries the camera.

@@ -94,6 +94,15 @@ impl Vote {
     }
 }
 
+/// How a vote looks for the motion with the most say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Search {
+    /// Among the motions of random samples and the predicted one.
+    Samples,
+    /// Around the predicted one alone.
+    Refine,
+}
+
 /// Memory that votes take, used again from frame to frame.
 #[derive(Default)]
 pub(super) struct VoteMemory {
@@ -112,9 +121,10 @@ impl Tracker {
         data: &KeyframeData,
         pairs: &[Option<FlowPair>],
         predicted: &Se3,
+        search: Search,
     ) -> Option<Vote> {
         let mut memory = std::mem::take(&mut self.memory.vote);
-        let vote = self.vote_in(&mut memory, frame, data, pairs, predicted);
+        let vote = self.vote_in(&mut memory, frame, data, (pairs, predicted), search);
         self.memory.vote = memory;
         vote
     }
@@ -124,8 +134,8 @@ impl Tracker {
         memory: &mut VoteMemory,
         frame: &RgbdFrame,
         data: &KeyframeData,
-        pairs: &[Option<FlowPair>],
-        predicted: &Se3,
+        (pairs, predicted): (&[Option<FlowPair>], &Se3),
+        search: Search,
     ) -> Option<Vote> {
         let _span = tracing::info_span!("motion").entered();
         let last = self.state.last().filter(|_| !pairs.is_empty())?;
@@ -144,11 +154,14 @@ impl Tracker {
         if exact {
             give_say_by_area(votes, blocks);
         }
-        let options = MotionOptions {
+        let mut options = MotionOptions {
             peak: if exact { PEAK } else { 0.0 },
             place: self.known_shift(),
             ..MotionOptions::default()
         };
+        if search == Search::Refine {
+            options.max_iterations = 0;
+        }
         let (address, camera) = (u64::from(frame.id.0), Intrinsics::from(&data.camera));
         let last_from_world = last.world_from_camera.inverse();
         let mut find = |votes: &[MotionPair], turn, least, inliers: &mut Vec<bool>| {

@@ -171,19 +171,19 @@ fn rows_are_learned_from_what_stands_still_and_has_depth() {
     let found = pairs.iter().flatten().count();
     let motion = EgoMotion {
         pairs,
-        ..EgoMotion::unknown()
+        ..EgoMotion::unknown(Arc::clone(&data))
     };
     let mut verdicts: Vec<FeatureVerdict> = data
         .keypoints
         .iter()
         .map(|k| FeatureVerdict::kept([k.x, k.y]))
         .collect();
-    let rows = |verdicts: &[FeatureVerdict], data: &KeyframeData| {
+    let rows = |verdicts: &[FeatureVerdict], motion: &EgoMotion| {
         let mut rows = Vec::new();
-        tracker.followed(&motion, verdicts, data, &mut rows);
+        tracker.followed(motion, verdicts, &mut rows);
         rows.len()
     };
-    assert_eq!(rows(&verdicts, &data), found);
+    assert_eq!(rows(&verdicts, &motion), found);
     let pairs = motion.pairs.iter().enumerate();
     let first: Vec<usize> = pairs
         .filter(|p| p.1.is_some())
@@ -193,12 +193,16 @@ fn rows_are_learned_from_what_stands_still_and_has_depth() {
     for i in &first[..5] {
         verdicts[*i].dynamic = true;
     }
-    assert_eq!(rows(&verdicts, &data), found - 5);
+    assert_eq!(rows(&verdicts, &motion), found - 5);
     let mut holes = data.copied();
     for i in &first {
         holes.depths[*i] = 0.0;
     }
-    assert_eq!(rows(&verdicts, &holes), found - 7);
+    let motion = EgoMotion {
+        data: Arc::new(holes),
+        ..motion
+    };
+    assert_eq!(rows(&verdicts, &motion), found - 7);
 }
 
 #[test]
