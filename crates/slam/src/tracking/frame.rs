@@ -1,4 +1,4 @@
-//! From an RGB-D frame to what it saw: keypoints, undistorted positions, depths and their noise.
+//! Measures an RGB-D frame: keypoints, undistorted positions, depths and their noise.
 
 use super::flow::FlowMemory;
 use crate::recycle::refill_or;
@@ -14,34 +14,34 @@ use stillpoint_geometry::{Camera, Vec2, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd, workers};
 use stillpoint_map::KeyframeData;
 
-/// Features that are measured together, at least: chosen, so that a part outweighs what it costs to share it (decision 38).
+/// Minimum number of features per thread: chosen, so that the work outweighs the cost of sharing it (decision 38).
 const MEASURED_TOGETHER: usize = 250;
 
-/// Extracts features and reads their depths; keeps its buffers between frames.
+/// Extracts features and reads their depths, reusing buffers.
 pub(super) struct Observer {
     pub(super) camera: Camera,
     sensor: SensorConfig,
     pub(super) extractor: OrbExtractor,
     pub(super) features: Features,
     pub(super) flow: Flow,
-    /// Undistorted pixels of `features`, as exposed row by row.
+    /// Undistorted pixels of `features`, as exposed.
     pub(super) undistorted: Vec<Vec2>,
-    /// Depths around their raw pixels in the depth image, m; 0 where there is none.
+    /// Depths around their raw pixels in the depth image, m; 0 if none.
     depths: Vec<f32>,
     /// Standard deviation of a keypoint on each level, px.
     level_sigmas: Vec<f32>,
     bounds: [f32; 4],
-    /// Features that are measured, and what was seen of them.
+    /// Indices of kept features, and their measurements.
     kept: Vec<usize>,
     levels: Vec<u8>,
     seen: Vec<Seen>,
     pub(super) flow_memory: FlowMemory,
-    /// What was handed over lately: its memory is used again when nobody holds it any more.
+    /// Recently returned data, whose memory is reused once released.
     handed_over: Vec<Arc<KeyframeData>>,
 }
 
-/// Frames whose memory may be used again, at most: more are in use at once in no frame. Measured: a steady frame asks the allocator only for what
-/// leaves with its report (docs/scale.md).
+/// Maximum number of frames kept for reuse: no frame uses more at once. Measured: a steady frame allocates only memory
+/// that leaves with its report (docs/scale.md).
 const MOST_HANDED_OVER: usize = 6;
 
 impl Observer {
@@ -70,7 +70,6 @@ impl Observer {
         }
     }
 
-    /// Standard deviation of a keypoint on each level, px.
     pub(super) fn level_sigmas(&self) -> &[f32] {
         &self.level_sigmas
     }
@@ -80,7 +79,7 @@ impl Observer {
         self.bounds
     }
 
-    /// Extracts the features of a frame; [`Self::measure`] speaks of these until the next call.
+    /// Extracts the features of a frame, to which [`Self::measure`] refers until the next call.
     pub(super) fn extract(&mut self, frame: &RgbdFrame) {
         let _span = tracing::info_span!("extract").entered();
         self.extractor.extract(&frame.gray, &mut self.features);
@@ -97,8 +96,9 @@ impl Observer {
         });
     }
 
-    /// What the frame saw, whose depth image was taken so many s after its colour image, brought to the time of its stamp by the camera's
-    /// velocity (twist per second): all of it, or without the features whose verdict is dynamic.
+    /// Measures the extracted features at the frame's stamp, corrected by the camera velocity (twist per second) for
+    /// rolling shutter and for a depth image taken `depth_lag` s after the colour image. With verdicts, dynamic
+    /// features are omitted.
     pub(super) fn measure(
         &mut self,
         frame: &RgbdFrame,
@@ -147,7 +147,6 @@ impl Observer {
         data
     }
 
-    /// What a frame sees that sees nothing.
     fn nothing(&self) -> KeyframeData {
         KeyframeData {
             stamp: 0.0,
@@ -163,7 +162,6 @@ impl Observer {
         }
     }
 
-    /// Writes down what was seen of the features that are kept.
     fn write(
         &self,
         frame: &RgbdFrame,
@@ -185,7 +183,7 @@ impl Observer {
         write(data.keypoints.iter().map(sigma), &mut data.sigma_px);
         let descriptors = kept.iter().map(|i| features.descriptors[*i]);
         if Arc::get_mut(&mut data.descriptors).is_none() {
-            // What recognises a place by them keeps them.
+            // The place index still holds the descriptors.
             data.descriptors = Arc::default();
         }
         write(descriptors, Arc::make_mut(&mut data.descriptors));
@@ -195,7 +193,7 @@ impl Observer {
             .rebuild(&data.positions, &self.levels, self.bounds);
     }
 
-    /// What was seen of up to [`LANES`] features, whose depths are read together.
+    /// Measures up to [`LANES`] features, whose depths are read together.
     fn measure_some(
         &self,
         features: &[usize],
@@ -217,7 +215,7 @@ impl Observer {
         }
     }
 
-    /// What `data` has of a frame, measured again with another velocity: the same features, of which nothing else changes.
+    /// Measures the features of `data` again with another velocity; all else is unchanged.
     pub(super) fn measure_again(
         &self,
         frame: &RgbdFrame,
@@ -244,19 +242,19 @@ impl Observer {
     }
 }
 
-/// What was seen of a feature, brought to the stamp of its frame.
+/// Measurement of a feature at the stamp of its frame.
 #[derive(Clone, Default)]
 struct Seen {
     /// Undistorted px.
     position: [f32; 2],
-    /// m; 0 where there is none.
+    /// m; 0 if none.
     depth: f32,
-    /// Its standard deviation, m.
+    /// Standard deviation, m.
     depth_sigma: f32,
 }
 
 impl Seen {
-    /// What is seen at an undistorted pixel, as exposed in a raw row, with the depth that is read there: brought to the stamp.
+    /// Corrects an undistorted pixel of a raw row, with its depth reading, to the stamp.
     #[inline]
     fn at_stamp(
         camera: &Camera,
@@ -280,7 +278,6 @@ impl Seen {
     }
 }
 
-/// Where a keypoint is in the image as recorded, px.
 fn raw_pixel(k: &Keypoint) -> Vec2 {
     Vec2::new(f64::from(k.x), f64::from(k.y))
 }

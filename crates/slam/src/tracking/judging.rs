@@ -1,4 +1,4 @@
-//! What is seen of a frame, and what of it stands still.
+//! Observes a frame and applies the static filter.
 
 use super::ego_motion::EgoMotion;
 use super::known::FEW;
@@ -10,7 +10,6 @@ use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::KeyframeData;
 
 impl Tracker {
-    /// Extracts the features of a frame and reads their depths.
     pub(super) fn observe(&mut self, frame: &RgbdFrame, notes: &mut Notes) -> Arc<KeyframeData> {
         let velocity = self.expected_velocity();
         let data = self.front_end.observe(frame, velocity.as_ref());
@@ -19,7 +18,7 @@ impl Tracker {
         data
     }
 
-    /// Where the filter was not asked, nothing is said against any feature of the frame.
+    /// Keeps all features if the filter did not run.
     pub(super) fn keep_all_unless_judged(&self, judgement: &mut Judgement) {
         if judgement.verdicts.is_empty() {
             let keypoints = &self.front_end.observer.features.keypoints;
@@ -28,7 +27,7 @@ impl Tracker {
         }
     }
 
-    /// Asks the static filter about the features `data` of a frame.
+    /// Runs the static filter on the features `data` of a frame.
     pub(super) fn judge(
         &mut self,
         frame: &RgbdFrame,
@@ -41,7 +40,7 @@ impl Tracker {
         features.extend(data.keypoints.iter().map(|k| [k.x, k.y]));
         let last = self.state.last().map(|l| l.world_from_camera);
         let world_from_camera = motion.camera_from_world.inverse();
-        // The frame may have been judged before, from a pose that was refused: what that left is the newest state.
+        // If the frame was judged before with a rejected pose, continues from that state.
         let filter = notes.filter.as_ref().unwrap_or(&self.filter);
         let input = FrameInput {
             frame,
@@ -64,7 +63,7 @@ impl Tracker {
         notes.evidence.judged = true;
     }
 
-    /// The features that the static filter left, brought to the frame's stamp by its own motion, and their matches.
+    /// The static features, measured with the frame's own velocity, and their matches.
     pub(super) fn keep_static(
         &mut self,
         frame: &RgbdFrame,
@@ -73,7 +72,7 @@ impl Tracker {
     ) -> (Arc<KeyframeData>, Matches) {
         let verdicts = &notes.judgement.verdicts;
         let velocity = motion.velocity.as_ref();
-        // Measured again: the first time only the velocity of the frame before was known, which the shutter's correction depends on.
+        // Measured again: the first measurement used the predicted velocity.
         let data = self.front_end.measure(frame, velocity, Some(verdicts));
         let kept = verdicts.iter().map(|v| !v.dynamic);
         let targets = self.memory.matching.targets.take();
