@@ -10,12 +10,12 @@ use std::sync::Arc;
 use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Se3};
 
-/// What is stored of each live keyframe as a whole.
+/// Stored attributes of a live keyframe.
 pub(super) struct Record {
     id: KeyframeId,
     parent: Option<KeyframeId>,
     pub(super) camera: Camera,
-    /// Where a grid has its cells, px.
+    /// Bounds of the feature grid, px.
     bounds: [f32; 4],
     features: usize,
     stamp: f64,
@@ -70,7 +70,7 @@ pub(super) fn records(
     Ok(records)
 }
 
-/// The keyframes, not yet covisible.
+/// The keyframes, without covisibility.
 pub(super) fn keyframes(
     source: &Source<'_>,
     records: Vec<Record>,
@@ -94,7 +94,7 @@ pub(super) fn keyframes(
     Ok(records.into_iter().map(keyframe).collect())
 }
 
-/// The features of all keyframes, one after another.
+/// Features of all keyframes, concatenated.
 struct Columns {
     keypoints: Vec<Keypoint>,
     positions: Vec<[f32; 2]>,
@@ -186,7 +186,7 @@ fn matches(bytes: &[u8], count: usize) -> Result<Matches, MapFileError> {
     ))
 }
 
-/// Gives both of each pair the other.
+/// Adds each pair to both keyframes.
 pub(super) fn covisibility(
     source: &Source<'_>,
     counts: &Counts,
