@@ -95,7 +95,6 @@ fn reduce_rows(depth: &DepthImage, cell: usize, first: usize, data: &mut [f32]) 
             let start = (y * cell + o) * depth.width();
             &depth.data()[start..start + width * cell]
         });
-        // Blocks of cells are vectorised.
         let blocks = if cell == BLOCK_CELL { width / LANES } else { 0 };
         for x in 0..blocks {
             let block = |row: &&[f32]| row.as_chunks().0[x * LANES..].first_chunk().copied();
@@ -233,7 +232,6 @@ mod tests {
         }
     }
 
-    /// Reference implementation of one cell.
     fn by_definition(depth: &DepthImage, cell: usize, x: usize, y: usize) -> f32 {
         let at = |i: usize| (2 * i + 1) * cell / 8;
         let sample = |k: usize| {

@@ -21,7 +21,6 @@ impl std::fmt::Display for SizeError {
 
 impl std::error::Error for SizeError {}
 
-/// Number of elements; `usize::MAX` on overflow.
 fn elements(channels: usize, width: usize, height: usize) -> usize {
     let pixels = width.checked_mul(height);
     pixels

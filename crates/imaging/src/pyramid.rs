@@ -118,7 +118,6 @@ impl Pyramid {
     }
 }
 
-/// Levels, their smoothed images and filters.
 type Smoothed<'a> = (&'a [GrayImage], &'a mut [GrayImage], &'a mut [Blur]);
 
 /// Smooths levels and runs `work` on them, splitting in halves: the finest level costs as much as most others together.

@@ -29,13 +29,10 @@ pub(crate) struct Axis {
 )]
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
-    /// First target.
     pub(crate) start: usize,
-    /// First source byte.
     pub(crate) base: usize,
     /// Byte indices of the 8 x (left, right) pairs, relative to `base`.
     pub(crate) shuffle: [u8; 16],
-    /// The weights of the pairs, in 1/128.
     pub(crate) weights: [i8; 16],
 }
 
@@ -192,7 +189,6 @@ fn blend_rows(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8], simd: 
     blend_scalar(top, bottom, fraction, out);
 }
 
-/// Blends two resampled rows.
 pub(crate) fn blend_scalar(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8]) {
     for ((value, &a), &b) in out.iter_mut().zip(top).zip(bottom) {
         let step = (i32::from(b - a) * i32::from(fraction) + 64) >> 7;

@@ -5,7 +5,6 @@
 struct Writer<'a> {
     out: &'a mut Vec<u8>,
     word: u64,
-    /// Half bytes in `word`.
     filled: u32,
 }
 
@@ -171,7 +170,6 @@ mod tests {
         assert_eq!(decoded(&bytes, 6), None, "nothing is left");
         assert_eq!(decoded(&bytes, 4), None, "more than there is room for");
         assert_eq!(decoded(&[], 1), None);
-        // Unterminated numbers, and empty runs.
         assert_eq!(decoded(&[0xff; 64], 100), None);
         assert_eq!(decoded(&[0; 64], 100), None);
     }

@@ -88,7 +88,6 @@ pub struct StillWatch {
     noisy: Option<bool>,
 }
 
-/// Repetitions of an image.
 #[derive(Clone, Debug, Default)]
 struct Repeats {
     /// The first frame with this image; `None` if not repeated.

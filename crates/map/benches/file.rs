@@ -158,7 +158,6 @@ fn load(bencher: Bencher) {
         .bench(|| Map::from_bytes(black_box(&bytes)));
 }
 
-/// The checks alone, which are part of both.
 #[divan::bench(sample_count = 10)]
 fn check(bencher: Bencher) {
     let map = map();

@@ -224,11 +224,8 @@ fn ensure(holds: bool, invariant: impl FnOnce() -> String) -> Result<(), Violati
 
 /// One step along a chain of tombstones or merges.
 enum Step {
-    /// The slot is live.
     End,
-    /// The slot is empty or culled.
     Fall,
-    /// The slot points to another one.
     Next(usize),
 }
 

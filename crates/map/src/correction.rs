@@ -146,7 +146,6 @@ impl Map {
         applied
     }
 
-    /// New poses of all keyframes that move.
     fn moves(
         &self,
         named: &Named<'_>,
@@ -239,7 +238,6 @@ impl Map {
     }
 }
 
-/// Corrected keyframes, by id.
 struct Named<'a>(Vec<&'a PoseCorrection>);
 
 impl<'a> Named<'a> {
@@ -256,7 +254,6 @@ impl<'a> Named<'a> {
         Some(self.0[at])
     }
 
-    /// The correction of the nearest corrected ancestor.
     fn ancestor(&self, view: &MapView, id: KeyframeId) -> Option<&'a PoseCorrection> {
         let mut at = id;
         // Culling can make a keyframe's parent its child: the count bounds such cycles.

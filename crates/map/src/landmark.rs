@@ -41,12 +41,9 @@ pub struct Landmark {
     pub static_odds: f32,
 }
 
-/// State of a landmark id.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum LandmarkSlot<'a> {
-    /// A landmark of the map.
     Live(&'a Landmark),
-    /// Merged into another landmark.
     Merged(LandmarkId),
     Culled,
 }

@@ -22,7 +22,6 @@ struct Chunk<T> {
     taken: [u64; WORDS],
     /// Number of occupied slots before each word.
     before: [u8; WORDS],
-    /// Values, in the order of slots.
     values: Vec<T>,
 }
 
@@ -45,19 +44,16 @@ impl<T> Default for Sparse<T> {
 }
 
 impl<T: Clone> Sparse<T> {
-    /// An array of `len` empty slots.
     pub(crate) fn empty(len: usize) -> Self {
         let mut all = Self::default();
         all.grow(len);
         all
     }
 
-    /// Number of slots.
     pub(crate) fn len(&self) -> usize {
         self.len
     }
 
-    /// Appends empty slots up to `len`.
     pub(crate) fn grow(&mut self, len: usize) {
         self.len = self.len.max(len);
         let chunks = self.len.div_ceil(CHUNK);
@@ -88,7 +84,6 @@ impl<T: Clone> Sparse<T> {
         }
     }
 
-    /// Removes the value of a slot.
     pub(crate) fn take(&mut self, index: usize) -> Option<T> {
         let at = self.chunks.get(index / CHUNK)?.find(index % CHUNK).ok()?;
         Some(self.chunk_mut(index)?.take(index % CHUNK, at))
@@ -170,7 +165,6 @@ impl<T> Chunk<T> {
         }
     }
 
-    /// The occupied slots, in order.
     fn places(&self) -> impl Iterator<Item = usize> {
         self.taken.iter().enumerate().flat_map(|(w, word)| {
             let mut left = *word;

@@ -171,7 +171,6 @@ impl MapView {
         landmarks.map(|(i, l)| (LandmarkId::new(i as u32), &**l))
     }
 
-    /// State of a landmark id.
     pub(crate) fn landmark_slot(&self, id: LandmarkId) -> LandmarkSlot<'_> {
         let merged = || self.merged.get(id.index()).copied();
         match self.landmark(id) {

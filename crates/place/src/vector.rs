@@ -14,7 +14,6 @@ const MAX_DISTANCE: u32 = 24;
 /// Approximate sum of an image's weights, which are rounded down.
 const UNIT: u64 = 1 << 20;
 
-/// Hamming distance of two signatures.
 #[inline(always)]
 fn distance(a: &Descriptor, b: &Descriptor) -> u32 {
     let mut distance = 0;
@@ -205,7 +204,6 @@ impl PlaceVector {
             if a == b {
                 out.add_group(self.of_words(i, i + 1), other.of_words(j, j + 1));
             }
-            // As in `word_score`.
             i += usize::from(a <= b);
             j += usize::from(b <= a);
         }
@@ -246,7 +244,6 @@ impl Group<'_> {
     }
 }
 
-/// Buffers of one comparison.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tally {
     pairs: Vec<FeaturePair>,

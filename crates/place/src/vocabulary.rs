@@ -153,7 +153,6 @@ impl Vocabulary {
         }
     }
 
-    /// Reads bytes accepted by [`problem`].
     fn decode(bytes: &[u8]) -> Self {
         let (header, body) = bytes.split_at(HEADER);
         let [branching, levels, match_level] = [header[5], header[6], header[7]];

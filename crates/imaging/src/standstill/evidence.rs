@@ -28,7 +28,6 @@ const EDGES: usize = 2000;
 /// depth): a covered lens repeats itself legitimately.
 const CONTENT: usize = 100;
 
-/// Whether enough pixels have depth.
 pub(super) fn has_depth(depth: &DepthImage) -> bool {
     let data = depth.data();
     data.iter().filter(|z| **z > 0.0).count() * CONTENT > data.len()

@@ -59,7 +59,6 @@ fn is_even(bytes: impl Iterator<Item = u8>) -> bool {
     sum > 0 && 20 * 256 * squares <= 21 * sum * sum
 }
 
-/// Unpacks the blocks of section `name`.
 pub(super) fn unpack(name: &str, packed: &[u8], length: u64) -> Result<Vec<u8>, MapFileError> {
     let most = packed.len().saturating_mul(MAX_RATIO);
     let length = match usize::try_from(length) {

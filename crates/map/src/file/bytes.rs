@@ -23,12 +23,10 @@ impl Writer {
         self.u64(value.to_bits());
     }
 
-    /// Writes a column of 32-bit numbers, in planes.
     pub(super) fn column32(&mut self, values: impl Iterator<Item = u32>) {
         self.planes(values.map(u32::to_le_bytes).collect());
     }
 
-    /// Writes a column of 64-bit numbers, in planes.
     pub(super) fn column64(&mut self, values: impl Iterator<Item = u64>) {
         self.planes(values.map(u64::to_le_bytes).collect());
     }
@@ -57,7 +55,6 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The next `count` elements of `size` bytes each.
     pub(super) fn take(&mut self, count: usize, size: usize) -> Result<&'a [u8], MapFileError> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         let wanted = count.checked_mul(size).and_then(|n| rest.get(..n));
@@ -113,7 +110,6 @@ impl<'a> Reader<'a> {
             .collect())
     }
 
-    /// Fails when bytes are left.
     pub(super) fn end(&self) -> Result<(), MapFileError> {
         if self.at == self.bytes.len() {
             return Ok(());

@@ -35,16 +35,13 @@ pub(super) enum Kind {
     Extension,
 }
 
-/// A section to be written.
 pub(super) struct Section<'a> {
     pub(super) kind: Kind,
     pub(super) name: &'a str,
     pub(super) bytes: Cow<'a, [u8]>,
-    /// Whether compression may be tried.
     pub(super) compress: bool,
 }
 
-/// A section in the file.
 #[derive(Debug)]
 pub(super) struct Stored<'a> {
     pub(super) kind: Kind,
@@ -76,7 +73,6 @@ pub(super) fn write(sections: &[Section<'_>]) -> Vec<u8> {
     file.extend(MAGIC);
     file.extend(VERSION.to_le_bytes());
     file.extend((sections.len() as u32).to_le_bytes());
-    // Placeholder of length and checksum.
     file.extend([0; 12]);
     for section in sections {
         append(&mut file, section);
@@ -157,7 +153,6 @@ pub(super) struct Header {
     pub(super) length: u64,
 }
 
-/// Reads the header alone.
 pub(super) fn read_header(file: &[u8]) -> Result<Header, MapFileError> {
     let begin = &file[..file.len().min(MAGIC.len())];
     if !MAGIC.starts_with(begin) {

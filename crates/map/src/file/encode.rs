@@ -23,7 +23,6 @@ pub(super) fn sections(map: &Map) -> Result<Vec<Section<'static>>, MapFileError>
     Ok(Part::ALL.into_iter().map(section).collect())
 }
 
-/// Content to be written, in order.
 struct Content<'a> {
     map: &'a Map,
     cameras: Vec<Camera>,
@@ -177,7 +176,6 @@ impl<'a> Content<'a> {
         }
     }
 
-    /// One value per feature.
     fn features<T>(
         &self,
         of: impl Fn(&Arc<KeyframeData>, usize) -> T + Copy,
@@ -196,7 +194,6 @@ impl<'a> Content<'a> {
     }
 
     fn positions(&self, to: &mut Writer) {
-        // Positions are near their keypoints.
         to.column32(self.features(|d, i| difference(d.positions[i][0], d.keypoints[i].x)));
         to.column32(self.features(|d, i| difference(d.positions[i][1], d.keypoints[i].y)));
         to.column32(self.features(|d, i| d.sigma_px[i].to_bits()));

@@ -9,7 +9,6 @@ pub(super) const NAME: &str = "stillpoint/loops";
 /// Bytes per loop: two ids, a pose, the upper triangle of the information matrix, a count.
 const BYTES: usize = 4 + 4 + 7 * 8 + 21 * 8 + 4;
 
-/// The encoded loops; `None` without loops.
 pub(super) fn to_bytes(map: &Map) -> Option<Vec<u8>> {
     let mut to = Writer::default();
     for edge in map.view.loops() {

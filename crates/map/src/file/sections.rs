@@ -17,9 +17,7 @@ pub(super) enum Part {
     Keypoints,
     /// Undistorted positions with standard deviations.
     Positions,
-    /// Depths.
     Depths,
-    /// Descriptors.
     Descriptors,
     /// Landmark observed by each feature, and whether it may observe one.
     Matches,
@@ -82,7 +80,6 @@ impl Part {
     }
 }
 
-/// Counts of elements, as stated in the header.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Counts {
     pub(super) cameras: u32,

@@ -118,7 +118,6 @@ pub(super) fn free(extensions: &[Extension]) -> Result<(), MapFileError> {
     })
 }
 
-/// Checks a camera before its use.
 pub(super) fn camera(camera: &Camera) -> Result<(), MapFileError> {
     let checked = camera.check();
     checked.map_err(|e| MapFileError::invalid("cameras", e.expected(), e.found()))
@@ -142,7 +141,6 @@ fn cameras<'a>(all: impl Iterator<Item = &'a Camera>) -> Result<(), MapFileError
     Ok(())
 }
 
-/// Bits that identify a camera.
 fn bits(camera: &Camera) -> [u64; 10] {
     let d = &camera.distortion;
     let size = u64::from(camera.width) << 32 | u64::from(camera.height);
@@ -174,7 +172,6 @@ pub(super) fn grids<'a>(
     })
 }
 
-/// All feature arrays must have the same length.
 fn lengths(k: &Keyframe) -> Result<(), MapFileError> {
     let d = &k.data;
     let lengths = [

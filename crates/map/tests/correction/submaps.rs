@@ -64,7 +64,6 @@ fn the_tree_of_a_submap_turns_round_where_it_is_joined() {
     for (k, parent) in [(10, None), (11, Some(10)), (12, Some(11)), (13, Some(11))] {
         extend(&mut map, k, parent, 2);
     }
-    // Keyframes not in the correction move as well.
     let before = at(&map, 13);
     map.apply(&Correction {
         base_version: map.view().version(),

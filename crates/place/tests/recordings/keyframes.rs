@@ -42,7 +42,6 @@ impl Recorder {
         }
     }
 
-    /// `mask` is nonzero on moving objects.
     fn keyframe(
         &mut self,
         frame: &RgbdFrame,

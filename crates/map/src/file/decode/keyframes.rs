@@ -70,7 +70,6 @@ pub(super) fn records(
     Ok(records)
 }
 
-/// The keyframes, without covisibility.
 pub(super) fn keyframes(
     source: &Source<'_>,
     records: Vec<Record>,
@@ -94,7 +93,6 @@ pub(super) fn keyframes(
     Ok(records.into_iter().map(keyframe).collect())
 }
 
-/// Features of all keyframes, concatenated.
 struct Columns {
     keypoints: Vec<Keypoint>,
     positions: Vec<[f32; 2]>,
@@ -186,7 +184,6 @@ fn matches(bytes: &[u8], count: usize) -> Result<Matches, MapFileError> {
     ))
 }
 
-/// Adds each pair to both keyframes.
 pub(super) fn covisibility(
     source: &Source<'_>,
     counts: &Counts,

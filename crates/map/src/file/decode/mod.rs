@@ -96,7 +96,6 @@ impl<'a> Source<'a> {
     }
 }
 
-/// A reader whose errors name the part.
 fn reader(part: Part, bytes: &[u8]) -> Reader<'_> {
     Reader::new(part.name(), bytes)
 }
@@ -193,7 +192,6 @@ fn tombstones(
     from.end()
 }
 
-/// Fills an empty slot.
 fn fill(
     view: &mut MapView,
     id: KeyframeId,

@@ -77,9 +77,7 @@ enum Damage {
     Long(u64),
     Remove(u8),
     Insert(u8),
-    /// Swaps two sections.
     Swap(prop::sample::Index),
-    /// Duplicates the section.
     Again,
     Drop,
 }

@@ -49,7 +49,6 @@ fn every_kind_of_nonsense_has_its_message() {
         |r| put(r, Part::Keyframes, 80, &[255; 4]),
         &["a submap below"],
     );
-    // Its own parent.
     let own = |r: &mut Vec<Raw>| {
         let id = r[Part::Keyframes as usize].2[..4].to_vec();
         put(r, Part::Keyframes, 4, &id);
@@ -74,7 +73,6 @@ fn every_kind_of_nonsense_has_its_message() {
         }
     };
     check(folded, &["k3 is 0: was it left out?"]);
-    // A tombstone that is its own parent.
     let own = |r: &mut Vec<Raw>| {
         let id = r[Part::Tombstones as usize].2[..4].to_vec();
         put(r, Part::Tombstones, 4, &id);
@@ -100,7 +98,6 @@ fn every_kind_of_nonsense_has_its_message() {
         |r| put(r, Part::LandmarkSlots, 0, &[0; 4]),
         &["merged into another"],
     );
-    // No observations.
     check(
         |r| r[Part::Matches as usize].2.fill(255),
         &["0 or 1 per feature"],
