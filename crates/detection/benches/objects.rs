@@ -1,4 +1,5 @@
-//! Time of the object tracker: `cargo bench -p stillpoint-detection`. A frame holds so many boxes, all followed since some frames.
+//! Time of the object tracker: `cargo bench -p stillpoint-detection`. Every frame contains the given number of boxes,
+//! all tracked for some frames.
 
 use divan::{Bencher, black_box};
 use stillpoint_detection::{
@@ -11,7 +12,7 @@ fn main() {
     divan::main();
 }
 
-/// Boxes beside and over each other, of people and things; they move by some pixels from frame to frame.
+/// Adjacent and overlapping boxes of people and things, moving by some pixels per frame.
 fn boxes(count: usize, frame: u32) -> Detections {
     let item = |i: usize| {
         let x0 = (i * 37 % 560) as f64 + f64::from(frame % 5);
@@ -34,7 +35,6 @@ fn boxes(count: usize, frame: u32) -> Detections {
     }
 }
 
-/// One update and one prediction, as a frame takes them.
 #[divan::bench(args = [10, 100, 300, 1000])]
 fn a_frame_of_boxes(bencher: Bencher, count: usize) {
     let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);

@@ -2,8 +2,8 @@
 
 use crate::ClassId;
 
-/// Names of the classes in the order of their numbers (Lin et al., "Microsoft COCO: Common Objects in Context", 2014; the
-/// 80 that are annotated with boxes).
+/// Class names by number (Lin et al., "Microsoft COCO: Common Objects in Context", 2014; the 80 that are annotated with
+/// boxes).
 const NAMES: [&str; ClassId::COUNT] = [
     "person",
     "bicycle",
@@ -91,25 +91,25 @@ impl ClassId {
     /// Number of classes.
     pub const COUNT: usize = 80;
 
-    /// All classes by rising number.
+    /// All classes in ascending order.
     pub fn all() -> impl Iterator<Item = Self> {
         (0..Self::COUNT as u8).map(Self)
     }
 
-    /// The name, e.g. `dining table`; `unknown` for a number that COCO does not have.
+    /// The name, e.g. `dining table`; `unknown` for an invalid number.
     #[must_use]
     pub fn name(self) -> &'static str {
         NAMES.get(usize::from(self.0)).copied().unwrap_or("unknown")
     }
 
-    /// The class of a name. Case does not matter, and `_` or `-` may stand for a blank, as some tools write it.
+    /// The class with a name. Case is ignored, and `_` or `-` may replace a blank, as in some tools.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         let name = normal(name);
         Self::all().find(|class| class.name() == name)
     }
 
-    /// The class whose name is most like a misspelt one, if any is near.
+    /// The class with the most similar name, at most two edits away.
     #[must_use]
     pub fn nearest(name: &str) -> Option<Self> {
         let name = normal(name);
@@ -129,7 +129,7 @@ fn normal(name: &str) -> String {
     name.trim().to_ascii_lowercase().replace(['_', '-'], " ")
 }
 
-/// Levenshtein's distance: the fewest insertions, deletions and replacements that turn one text into the other.
+/// Levenshtein distance: the minimum number of insertions, deletions and replacements between two texts.
 fn edits(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

@@ -1,8 +1,8 @@
-//! What a detector says about one image.
+//! Detections in one image.
 
 use stillpoint_imaging::FrameId;
 
-/// Number of a class among the 80 of COCO, in the order every detector trained on it uses: 0 is a person.
+/// Number of a class among the 80 of COCO, in the usual order of detectors: 0 is a person.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClassId(pub u8);
 
@@ -11,7 +11,7 @@ impl ClassId {
     pub const PERSON: Self = Self(0);
 }
 
-/// An upright box in the raw (distorted) image, px: the pixel centred at (0, 0) reaches from -0.5 to 0.5.
+/// An upright box in the raw (distorted) image, px: the pixel centred at (0, 0) extends from -0.5 to 0.5.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BoundingBox {
     /// Left.
@@ -82,24 +82,24 @@ impl BoundingBox {
     }
 }
 
-/// One thing that a detector sees.
+/// A detected object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detection {
-    /// What it is.
+    /// Class.
     pub class: ClassId,
-    /// How sure the detector is, 0 to 1.
+    /// Confidence of the detector, 0 to 1.
     pub score: f32,
-    /// Where it is.
+    /// Bounding box.
     pub bounds: BoundingBox,
 }
 
-/// All that a detector sees in one frame.
+/// All detections in one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Detections {
-    /// The frame that was looked at.
+    /// The frame.
     pub frame: FrameId,
     /// Its colour stamp, s.
     pub stamp: f64,
-    /// The things, best score first.
+    /// Detections, best score first.
     pub items: Vec<Detection>,
 }

@@ -1,22 +1,21 @@
-//! The trait behind which all detectors stand, and the one that sees nothing.
+//! The trait of all detectors, and a detector without detections.
 
 use crate::Detections;
 use serde::Serialize;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// Something that finds things of known classes in images. It owns its network and whatever state that needs.
+/// A detector of objects of known classes. Owns its network and state.
 pub trait Detector: Send {
-    /// Looks at one frame. The boxes are in raw image pixels, best score first.
+    /// Detects objects in a frame. Boxes are in raw image pixels, best score first.
     ///
     /// # Errors
-    /// [`DetectError`] when the frame lacks what the detector looks at or the network fails. The next frame may be
-    /// tried as if nothing had happened.
+    /// [`DetectError`] when the frame lacks an input or the network fails. The next frame can be tried normally.
     fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError>;
 
-    /// What this detector is, for summaries and logs.
+    /// Description for summaries and logs.
     fn info(&self) -> DetectorInfo;
 
-    /// What the user should know once the frames are through, e.g. that a script belongs to another recording.
+    /// Remark for the user at the end of the stream, e.g. that a script belongs to another recording.
     fn remark(&self) -> Option<String> {
         None
     }
@@ -36,11 +35,11 @@ impl<D: Detector + ?Sized> Detector for Box<D> {
     }
 }
 
-/// Sort of a detector.
+/// Kind of detector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DetectorKind {
-    /// None at all: [`NoDetector`].
+    /// [`NoDetector`].
     None,
     /// Boxes from a file: [`crate::ScriptedDetector`].
     Scripted,
@@ -48,18 +47,18 @@ pub enum DetectorKind {
     Onnx,
 }
 
-/// What a detector is.
+/// Description of a detector.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct DetectorInfo {
-    /// Sort.
+    /// Kind.
     pub kind: DetectorKind,
-    /// Name of the model or script as the user gave it; empty for none.
+    /// Name of the model or script as given by the user; empty for none.
     pub name: String,
     /// SHA-256 of the model's or script's bytes, as 64 lower-case hexadecimal digits.
     pub sha256: Option<String>,
-    /// What runs the network, with its version.
+    /// Inference runtime with version.
     pub runtime: Option<String>,
-    /// How the network's outputs are read.
+    /// Decoder of the network's outputs.
     pub head: Option<String>,
     /// Width and height of the network's input for the last image, px.
     pub input: Option<(usize, usize)>,
@@ -68,7 +67,7 @@ pub struct DetectorInfo {
 }
 
 impl DetectorInfo {
-    /// Of this sort and name; the rest is not known or not there.
+    /// A description with kind and name alone.
     #[must_use]
     pub fn new(kind: DetectorKind, name: &str) -> Self {
         Self {
@@ -83,7 +82,7 @@ impl DetectorInfo {
     }
 }
 
-/// A detector could not look at a frame.
+/// Failed detection in a frame.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DetectError {
@@ -95,7 +94,7 @@ pub enum DetectError {
         /// The frame.
         frame: FrameId,
     },
-    /// The colour image is not of the grey image's size, or has no pixels.
+    /// The size of the colour image differs from the grey image's, or is zero.
     #[error(
         "frame {frame}: expected a colour image of the grey image's {}x{} px, found {}x{} px; check the source of the frames",
         expected.0, expected.1, found.0, found.1
@@ -115,24 +114,24 @@ pub enum DetectError {
     Runtime {
         /// The frame.
         frame: FrameId,
-        /// What the runtime said.
+        /// The runtime's message.
         reason: String,
     },
-    /// The network answered something else than it did when it was loaded.
+    /// The network's output has another shape than at loading.
     #[error(
         "frame {frame}: expected {expected}, found {found}; run the network at the model's own input size"
     )]
     Output {
         /// The frame.
         frame: FrameId,
-        /// What the head reads.
+        /// Expected output.
         expected: String,
-        /// What came out.
+        /// Actual output.
         found: String,
     },
 }
 
-/// Sees nothing in any frame.
+/// Detects nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoDetector;
 

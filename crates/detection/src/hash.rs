@@ -1,4 +1,4 @@
-//! The fingerprint of a model or script, so that a result says which one it came from.
+//! Hash of a model or script, to identify it in results.
 
 use sha2::{Digest, Sha256};
 use std::fmt::Write;

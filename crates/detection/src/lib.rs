@@ -1,7 +1,7 @@
-//! Object detectors behind one trait, and the objects they see, tracked through time.
+//! Object detectors behind one trait, and tracking of the detected objects.
 //!
-//! Answers: which things of which class are where in an image, and where each of them is now although the detector
-//! missed it or answers late. Does not decide what is rejected (crate `slam`, static filter) and reads no files.
+//! Tracked objects are predicted where detections are missed or arrive late. The decision on rejected features is in
+//! crate `slam` (static filter); no files are read here.
 
 mod classes;
 mod detections;

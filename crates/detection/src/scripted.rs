@@ -1,4 +1,4 @@
-//! Detections from a text: one box per line. For tests, for fast experiments, and for detectors that run elsewhere.
+//! Detections from text, one box per line: for tests, fast experiments, and external detectors.
 
 use crate::detector::{DetectError, Detector, DetectorInfo, DetectorKind};
 use crate::hash::sha256_hex;
@@ -6,7 +6,7 @@ use crate::{BoundingBox, ClassId, Detection, Detections};
 use std::fmt::Write;
 use stillpoint_imaging::RgbdFrame;
 
-/// The columns, which a script may have as its header line.
+/// The columns, also the optional header line of a script.
 pub const SCRIPT_HEADER: &str = "timestamp,class,score,x0,y0,x1,y1";
 
 /// Largest difference between a row's stamp and that of its frame, s. Stamps are written with six decimals, and frames
@@ -18,40 +18,40 @@ const STAMP_TOLERANCE: f64 = 1e-3;
 pub struct ScriptRow {
     /// Colour stamp of the frame, s.
     pub stamp: f64,
-    /// What is seen in it.
+    /// The detection.
     pub detection: Detection,
 }
 
-/// A script does not read.
+/// A malformed script.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{name}:{line}: expected {expected}, found {found}; {advice}")]
 pub struct ScriptError {
     /// Name of the script.
     pub name: String,
-    /// Line, from 1; of rows that come from a program, the number of the row.
+    /// Line number, from 1; for rows created by a program, the row number.
     pub line: usize,
-    /// What the line should hold.
+    /// Expected content.
     pub expected: String,
-    /// What it holds.
+    /// Actual content.
     pub found: String,
-    /// What to do.
+    /// Advice to the user.
     pub advice: String,
 }
 
-/// How much of a script was used so far. A script that belongs to another recording matches nothing.
+/// Usage of a script. A script of another recording matches nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ScriptUse {
     /// Rows of the script.
     pub rows: usize,
-    /// Rows that some frame matched.
+    /// Rows matched by a frame.
     pub rows_matched: usize,
-    /// Frames looked at.
+    /// Frames processed.
     pub frames: usize,
     /// Frames that matched at least one row.
     pub frames_matched: usize,
 }
 
-/// Sees in each frame what a script says. A frame without rows has no detections.
+/// Replays the detections of a script. A frame without rows has no detections.
 #[derive(Clone, Debug)]
 pub struct ScriptedDetector {
     name: String,
@@ -64,21 +64,21 @@ pub struct ScriptedDetector {
 }
 
 impl ScriptedDetector {
-    /// From the text of a script: lines `timestamp,class,score,x0,y0,x1,y1` in any order, with the stamp in seconds, the
-    /// class as COCO name or number, the score from 0 to 1, and the box in raw pixels. The header line is optional;
-    /// blank lines and lines that start with `#` are skipped. `name` is what errors and summaries call the script.
+    /// Parses a script: lines `timestamp,class,score,x0,y0,x1,y1` in any order, with the stamp in seconds, the class as
+    /// COCO name or number, the score from 0 to 1, and the box in raw pixels. The header line is optional; blank lines
+    /// and lines that start with `#` are skipped. `name` identifies the script in errors and summaries.
     ///
     /// # Errors
-    /// [`ScriptError`] for the first line that does not read.
+    /// [`ScriptError`] for the first malformed line.
     pub fn parse(name: &str, text: &str) -> Result<Self, ScriptError> {
         let rows = parse_script(name, text)?;
         Ok(Self::from_rows(name, rows, sha256_hex(text.as_bytes())))
     }
 
-    /// From rows in any order. The SHA-256 is that of the rows as [`format_script`] writes them.
+    /// From rows in any order. The SHA-256 is that of the rows as written by [`format_script`].
     ///
     /// # Errors
-    /// [`ScriptError`], with the number of the row from 1, for values that a script may not hold either.
+    /// [`ScriptError`], with the number of the row from 1, for invalid values.
     pub fn new(name: &str, rows: Vec<ScriptRow>) -> Result<Self, ScriptError> {
         for (i, row) in rows.iter().enumerate() {
             check(row).map_err(|p| p.at(name, i + 1))?;
@@ -108,7 +108,7 @@ impl ScriptedDetector {
         &self.rows
     }
 
-    /// How much of the script was used so far.
+    /// Usage of the script up to the present.
     #[must_use]
     pub fn usage(&self) -> ScriptUse {
         ScriptUse {
@@ -129,7 +129,7 @@ impl Detector for ScriptedDetector {
         self.frames += 1;
         self.frames_matched += usize::from(end > first);
         let mut items: Vec<Detection> = self.rows[first..end].iter().map(|r| r.detection).collect();
-        // Rows of one frame may differ in their last digits; the order is by score all the same.
+        // Stamps of one frame's rows may differ in their last digits: sort by score again.
         items.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(Detections {
             frame: frame.id,
@@ -159,10 +159,10 @@ impl Detector for ScriptedDetector {
     }
 }
 
-/// The rows of a script in the order of its lines. See [`ScriptedDetector::parse`].
+/// Parses the rows of a script in the order of its lines. See [`ScriptedDetector::parse`].
 ///
 /// # Errors
-/// [`ScriptError`] for the first line that does not read.
+/// [`ScriptError`] for the first malformed line.
 pub fn parse_script(name: &str, text: &str) -> Result<Vec<ScriptRow>, ScriptError> {
     let mut rows = Vec::new();
     let mut header_allowed = true;
@@ -200,7 +200,6 @@ fn is_header(line: &str) -> bool {
     line.split(',').map(str::trim).eq(SCRIPT_HEADER.split(','))
 }
 
-/// What is wrong with a row.
 struct Problem {
     expected: String,
     found: String,
@@ -280,7 +279,6 @@ fn parse_class(text: &str) -> Result<ClassId, Problem> {
         })
 }
 
-/// What holds for every row, wherever it comes from.
 fn check(row: &ScriptRow) -> Result<(), Problem> {
     let Detection {
         class,
@@ -320,7 +318,7 @@ fn check(row: &ScriptRow) -> Result<(), Problem> {
     Ok(())
 }
 
-/// Text as it may be quoted in a message: one line, not too long.
+/// Quotes text in a message: one line, limited length.
 fn quote(text: &str) -> String {
     const LONGEST: usize = 60;
     let printable = |c: char| if c.is_control() { ' ' } else { c };

@@ -1,4 +1,4 @@
-//! How likely things of each class are to move by themselves or by somebody's hand.
+//! Motion weights: how likely objects of each class are to move or be moved.
 
 use crate::ClassId;
 use serde::de::Error;
@@ -6,21 +6,21 @@ use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
 
-/// Weight of a class that always moves, and the largest there is.
+/// Weight of a class that always moves, and the maximum.
 const MOST: f64 = 5.0;
 
-/// Classes that the publication behind preset `paper` of the static filter names: people, chairs and desks.
+/// Classes named by the publication of the static filter's preset `paper`: people, chairs and desks.
 const NAMED: [&str; 3] = ["person", "chair", "dining table"];
 
 /// A motion weight per class, from 0 (its boxes are ignored) to 5 (moves by itself). The filter multiplies a feature's
 /// epipolar distance by it.
 ///
-/// In a configuration it is a table of names and weights, e.g. `person = 5` or `dining_table = 1`. Classes that a table
-/// leaves out keep their defaults, and only others are written; names that COCO does not have and weights outside 0 to 5 are refused.
+/// In a configuration it is a table of names and weights, e.g. `person = 5` or `dining_table = 1`. Classes not in the
+/// table keep their defaults, and only changed ones are written; unknown names and weights outside 0 to 5 are rejected.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionWeights([f64; ClassId::COUNT]);
 
-/// A table of weights cannot be used.
+/// An invalid table of weights.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WeightError {
@@ -29,10 +29,10 @@ pub enum WeightError {
     UnknownClass {
         /// The name.
         name: String,
-        /// The class whose name is most like it, or person.
+        /// The class with the most similar name, or person.
         nearest: ClassId,
     },
-    /// A weight is not on the scale.
+    /// A weight is out of range.
     #[error("expected a weight from 0 (ignored) to 5 (moves by itself) for `{}`, found {found}; choose a weight on this scale", key(*class))]
     Range {
         /// The class.
@@ -43,16 +43,16 @@ pub enum WeightError {
 }
 
 impl MotionWeights {
-    /// The weight of a class, 0 to 5; 0 for numbers that COCO does not have.
+    /// The weight of a class, 0 to 5; 0 for invalid numbers.
     #[must_use]
     pub fn get(&self, class: ClassId) -> f64 {
         self.0.get(usize::from(class.0)).copied().unwrap_or(0.0)
     }
 
-    /// Sets the weight of the class with this name.
+    /// Sets the weight of a class by name.
     ///
     /// # Errors
-    /// [`WeightError`] for a name that is not COCO's and for a weight outside 0 to 5.
+    /// [`WeightError`] for an unknown name or a weight outside 0 to 5.
     pub fn set(&mut self, name: &str, weight: f64) -> Result<(), WeightError> {
         let class = ClassId::from_name(name).ok_or_else(|| WeightError::UnknownClass {
             name: name.to_owned(),
@@ -68,8 +68,8 @@ impl MotionWeights {
         Ok(())
     }
 
-    /// These weights as far as the publication goes that they come from: classes that it does not name are ignored, unless they were given another
-    /// weight than their default.
+    /// These weights restricted to the publication: classes it does not name get 0, unless their weight differs from
+    /// the default.
     #[must_use]
     pub fn published(&self) -> Self {
         let defaults = Self::default();
@@ -82,15 +82,15 @@ impl MotionWeights {
         weights
     }
 
-    /// All classes with their weights, by rising number.
+    /// All classes with their weights, in ascending order.
     pub fn iter(&self) -> impl Iterator<Item = (ClassId, f64)> + '_ {
         ClassId::all().zip(self.0.iter().copied())
     }
 }
 
 impl Default for MotionWeights {
-    /// The published weights (person 5, chair 3, desk 1), extended to all classes by asking how often a thing of the class
-    /// moves while somebody films a room: by itself 5, carried or rolled about 3 to 4, handled 2, shoved now and then 1,
+    /// The published weights (person 5, chair 3, desk 1), extended to all classes by how often objects of the class
+    /// move while a room is filmed: by themselves 5, carried or rolled about 3 to 4, handled 2, shoved now and then 1,
     /// never 0. Vehicles are outdoor things that move by themselves: 4, since most of them are parked.
     fn default() -> Self {
         Self(std::array::from_fn(|number| default_weight(number as u8)))
@@ -123,7 +123,7 @@ fn key(class: ClassId) -> String {
 }
 
 impl Serialize for MotionWeights {
-    /// The classes that differ from their defaults: 80 lines of which none was set would hide the one that was.
+    /// Only the classes that differ from their defaults, since 80 default lines would hide them.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let defaults = Self::default();
         let set = |(class, weight): &(ClassId, f64)| *weight != defaults.get(*class);

@@ -1,6 +1,6 @@
-//! Detectors and objects, seen from outside.
+//! Detectors and objects through the public interface.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise test helpers as tests.
 
 mod objects;
 mod scripted;

@@ -1,4 +1,4 @@
-//! Scripts: what they say comes out, and what they must not say is refused where it stands.
+//! Scripts: correct replay, and rejection of malformed ones with their place.
 
 use proptest::prelude::*;
 use stillpoint_detection::{
@@ -57,7 +57,6 @@ timestamp,class,score,x0,y0,x1,y1
         .map(|d| (d.class.name(), d.score, d.bounds.x0))
         .collect();
     assert_eq!(seen, [("chair", 0.75, 5.0), ("dining table", 0.25, 1.0)]);
-    // The last digit of a stamp may be lost on the way.
     let found = detector.detect(&frame(4, 1305031102.2112)).unwrap();
     let expected = BoundingBox {
         x0: -0.5,
@@ -123,7 +122,7 @@ fn a_script_of_another_recording_is_remarked_on() {
     assert!(empty.remark().unwrap().contains("no detections"));
 }
 
-/// The text, its line, and a part of the message.
+/// Text, line number, and a part of the message.
 #[test]
 fn lines_that_do_not_read_are_named() {
     let cases = [
@@ -258,7 +257,7 @@ fn any_row() -> impl Strategy<Value = ScriptRow> {
 }
 
 proptest! {
-    /// Writing and reading gives the same rows up to the decimals written.
+    /// Round trip, up to the decimals written.
     #[test]
     fn scripts_are_read_as_written(rows in prop::collection::vec(any_row(), 0..20)) {
         let read = parse_script("text", &format_script(&rows)).unwrap();
@@ -271,14 +270,13 @@ proptest! {
             let sides = [(p.bounds.x0, q.bounds.x0), (p.bounds.y0, q.bounds.y0), (p.bounds.x1, q.bounds.x1), (p.bounds.y1, q.bounds.y1)];
             prop_assert!(sides.iter().all(|(u, v)| (u - v).abs() < 6e-4));
         }
-        // What was read once is kept exactly.
+        // After the first reading the round trip is exact.
         prop_assert_eq!(parse_script("text", &format_script(&read)).unwrap(), read);
     }
 
-    /// The order of the lines does not matter.
     #[test]
     fn rows_may_come_in_any_order(stamps in prop::collection::vec(0..50u32, 1..30)) {
-        // Distinct scores, so that the order by score is total.
+        // Distinct scores, so that the order is total.
         let rows: Vec<_> = stamps.iter().enumerate().map(|(i, &s)| row(f64::from(s) / 30.0, i as f32 / 64.0)).collect();
         let backwards: Vec<_> = rows.iter().rev().copied().collect();
         let (mut a, mut b) = (ScriptedDetector::new("a", rows).unwrap(), ScriptedDetector::new("b", backwards).unwrap());
@@ -292,7 +290,7 @@ proptest! {
         prop_assert_eq!(seen, stamps.len());
     }
 
-    /// A script that was damaged is rows or an error with its name and a line of it.
+    /// A damaged script gives rows or an error with its name and a line number.
     #[test]
     fn errors_of_damaged_scripts_name_the_line(
         rows in prop::collection::vec(any_row(), 1..6), at in any::<prop::sample::Index>(), cut in 0..6_usize,
@@ -310,7 +308,6 @@ proptest! {
         }
     }
 
-    /// Whatever the text, the answer is rows or an error.
     #[test]
     fn no_text_makes_the_reader_panic(text in "[0-9a-z,.#\\n -]{0,200}") {
         let _ = parse_script("text", &text);

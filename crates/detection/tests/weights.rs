@@ -1,4 +1,4 @@
-//! Motion weights: the defaults that are published, and the table a user edits.
+//! Motion weights: published defaults and the user's table.
 
 use proptest::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -42,7 +42,6 @@ fn the_publication_names_three_classes() {
         counted,
         [("person", 5.0), ("chair", 3.0), ("dining table", 1.0)]
     );
-    // What a user sets is as the user set it.
     let mut set = MotionWeights::default();
     set.set("dog", 4.5).unwrap();
     set.set("chair", 0.0).unwrap();
@@ -102,7 +101,7 @@ fn tables_that_make_no_sense_are_refused_with_advice() {
     );
 }
 
-/// Keys are bare, so that `--set motion_weights.dining_table=2` needs no quotes, and a default that nobody set is not written.
+/// Keys are bare, so that `--set motion_weights.dining_table=2` needs no quotes, and defaults are not written.
 #[test]
 fn weights_that_differ_are_written_as_bare_keys() {
     let mut objects = Objects::default();
@@ -110,7 +109,6 @@ fn weights_that_differ_are_written_as_bare_keys() {
     let keys = |text: &str| text.lines().filter(|l| l.contains(" = ")).count();
     assert_eq!(keys(&written(&objects)), 0);
     objects.weights.set("dining table", 2.5).unwrap();
-    // As it is by default.
     objects.weights.set("person", 5.0).unwrap();
     let text = written(&objects);
     assert_eq!(keys(&text), 1);

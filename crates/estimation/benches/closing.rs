@@ -1,5 +1,5 @@
-//! Time of what closes loops and relocalises: `cargo bench -p stillpoint-estimation --bench closing`. Whole maps are in the example
-//! `scale`.
+//! Benchmarks of loop closing and relocalisation: `cargo bench -p stillpoint-estimation --bench closing`. For whole
+//! maps see the example `scale`.
 
 use divan::{Bencher, black_box};
 use stillpoint_estimation::{
@@ -29,7 +29,6 @@ fn anywhere(random: &mut Rng) -> Vec3 {
     Vec3::new(1.2 * random.unit() - 0.6, 0.9 * random.unit() - 0.45, 1.0) * z
 }
 
-/// What a camera measures of a point.
 fn see(p: &Vec3, random: &mut Rng) -> Measurement {
     let pixel = Vec2::new(520.0 * p.x / p.z + 320.0, 520.0 * p.y / p.z + 240.0);
     let noise = Vec2::new(normal(random), normal(random));
@@ -42,7 +41,7 @@ fn motion() -> Se3 {
     Se3::exp(&Vec6::new(0.2, -0.05, 0.1, 0.05, -0.2, 0.02))
 }
 
-/// 200 pairs, of which a share join different things.
+/// 200 pairs, of which a share are outliers.
 fn pairs(outliers: f64) -> Vec<RigidPair> {
     let random = &mut rng(5, 0, Purpose(1000));
     (0..200)
@@ -93,7 +92,7 @@ fn absolute_pose_200(bencher: Bencher, outliers: f64) {
     });
 }
 
-/// A path of 40 m, closed after a long drift by three loops.
+/// A path of 40 m with large drift, closed by three loops.
 #[divan::bench(args = [200, 2000])]
 fn pose_graph(bencher: Bencher, count: usize) {
     let random = &mut rng(6, 0, Purpose(1000));

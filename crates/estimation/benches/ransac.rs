@@ -1,4 +1,4 @@
-//! Time of the searches by random samples and of their minimal solvers: `cargo bench -p stillpoint-estimation`.
+//! Benchmarks of RANSAC and its minimal solvers: `cargo bench -p stillpoint-estimation`.
 
 use divan::{AllocProfiler, Bencher, black_box};
 use stillpoint_estimation::{
@@ -38,7 +38,7 @@ fn motion() -> Se3 {
     Se3::exp(&Vec6::new(0.03, -0.01, 0.02, 0.01, -0.02, 0.005))
 }
 
-/// Points before the motion and their pixels after it; a share of them has wandered by up to 20 px.
+/// Points before the motion and their pixels after it; a share of them is off by up to 20 px.
 fn scene(count: usize, outliers: f64) -> Vec<(Vec3, Vec2, Vec2)> {
     let random = &mut rng(5, 0, Purpose(1000));
     let wrong = (count as f64 * outliers) as usize;

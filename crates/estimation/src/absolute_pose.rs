@@ -1,7 +1,4 @@
-//! The pose of a camera against known points, with no idea where it is.
-//!
-//! Answers: from which pose most of these measurements make sense, and which they are. For relocalisation: nothing is
-//! known beforehand, and most correspondences may be wrong.
+//! Absolute camera pose from known points, without an initial guess and with many outliers. Used for relocalisation.
 
 use crate::extent::spread;
 use crate::sampling::Rng;
@@ -16,15 +13,15 @@ use stillpoint_geometry::{Mat6, Se3, Vec3};
 pub struct AbsolutePoseOptions {
     /// Probability of drawing at least one sample without outliers, 0 to 1.
     pub confidence: f64,
-    /// Least number of samples.
+    /// Minimum number of samples.
     pub min_iterations: usize,
-    /// Largest number of samples. The default finds 15 % of inliers with 99.9 %.
+    /// Maximum number of samples. The default finds 15 % of inliers with 99.9 %.
     pub max_iterations: usize,
     /// Factor on the squared chi-square gates (95 %).
     pub gate_scale: f64,
-    /// Least number of inliers, at least 4: a fourth point tells which of the poses of three is right.
+    /// Minimum number of inliers, at least 4: three points allow several poses.
     pub min_inliers: usize,
-    /// Least spread of the inliers' points across the line that fits them best, m.
+    /// Minimum spread of the inliers' points across their best-fitting line, m.
     pub min_extent_m: f64,
 }
 
@@ -41,7 +38,7 @@ impl Default for AbsolutePoseOptions {
     }
 }
 
-/// A pose that was found.
+/// An estimated pose.
 #[derive(Clone, Debug)]
 pub struct AbsolutePose {
     /// The pose.
@@ -52,33 +49,33 @@ pub struct AbsolutePose {
     pub inlier_count: usize,
     /// Samples drawn.
     pub iterations: usize,
-    /// Inverse covariance, for a left perturbation `[translation; rotation]` of `camera_from_world`, as far as the
-    /// measurements' variances tell.
+    /// Inverse covariance, for a left perturbation `[translation; rotation]` of `camera_from_world`, from the
+    /// measurements' variances.
     pub information: Mat6,
 }
 
-/// What became of the search for an absolute pose.
+/// Result of the search for an absolute pose.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // There is one per candidate, and none is kept.
 pub enum AbsolutePoseOutcome {
-    /// There is one.
+    /// A pose was found.
     Found(AbsolutePose),
-    /// There are fewer observations with finite numbers than inliers are asked for.
+    /// Fewer finite observations than the required number of inliers.
     TooFewObservations {
-        /// How many there are.
+        /// Number of finite observations.
         usable: usize,
     },
     /// No pose has enough inliers.
     NoConsensus,
-    /// Enough observations agree, but their points are nearly on a line or in one place and leave the pose open.
+    /// The inliers' points are nearly collinear or coincident and do not determine a pose.
     Degenerate {
-        /// How many agree.
+        /// Number of inliers.
         inliers: usize,
     },
 }
 
 impl AbsolutePoseOutcome {
-    /// The pose, if there is one.
+    /// The pose, if one was found.
     #[must_use]
     pub fn found(&self) -> Option<&AbsolutePose> {
         match self {
@@ -88,13 +85,12 @@ impl AbsolutePoseOutcome {
     }
 }
 
-/// Factor on the squared gates within which observations or pairs take part in the last optimisation. Chosen: twice the gate as a
-/// distance.
+/// Factor on the squared gates for the final optimisation. Chosen: twice the gate as a distance.
 pub(crate) const FINAL_OPENING: f64 = 4.0;
 
-/// Finds the pose `camera_from_world` that most observations agree on. Samples of three are solved by P3P, or by alignment
-/// where all three have a depth; each new best one is refined at once (LO-RANSAC); the winner is optimised on all
-/// observations near it by [`optimise_pose`].
+/// Estimates the pose `camera_from_world` with most inliers. Samples of three are solved by P3P, or by alignment if all
+/// have depth; each new best one is refined locally (LO-RANSAC); the winner is optimised on all observations near it by
+/// [`optimise_pose`].
 #[must_use]
 pub fn find_absolute_pose(
     camera: &Intrinsics,
@@ -166,7 +162,6 @@ fn refine(
             points.push(observations[i].point);
         }
     }
-    // On a line, the rotation about it stays open, however many points agree.
     if spread(&points) < options.min_extent_m {
         return AbsolutePoseOutcome::Degenerate {
             inliers: estimate.inlier_count,

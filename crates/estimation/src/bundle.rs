@@ -1,4 +1,4 @@
-//! Bundle adjustment: poses and points together.
+//! Bundle adjustment.
 
 use crate::pose::transform;
 use crate::reduced::Plan;
@@ -13,18 +13,18 @@ pub struct BundleObservation {
     pub pose: u32,
     /// Index of the point.
     pub point: u32,
-    /// What was measured.
+    /// The measurement.
     pub measurement: Measurement,
 }
 
-/// Poses, points and the observations that tie them.
+/// Poses, points and their observations.
 #[derive(Clone, Debug)]
 pub struct BundleProblem {
     /// The camera.
     pub camera: Intrinsics,
     /// Poses `camera_from_world`; changed in place.
     pub poses: Vec<Se3>,
-    /// How many poses, from the first on, are free; the others hold the gauge.
+    /// Number of free poses, from the first on; the others fix the gauge.
     pub free_poses: usize,
     /// World positions, m; changed in place.
     pub points: Vec<Vec3>,
@@ -35,21 +35,21 @@ pub struct BundleProblem {
 /// Effort of bundle adjustment.
 #[derive(Clone, Copy, Debug)]
 pub struct BundleOptions {
-    /// Iterations before outliers are taken out, with the Huber kernel.
+    /// Iterations with the Huber kernel, before outliers are removed.
     pub robust_iterations: usize,
     /// Iterations after that.
     pub final_iterations: usize,
     /// Stops a phase when the cost falls by less than this share.
     pub min_relative_gain: f64,
-    /// Work in all, at most, in products of two 6x6 blocks (432 floating-point operations): an observation counts as one each time
-    /// the system is built, a pair of observations of a point as half of one each time it is solved, beside the products of its
-    /// factorisation or the most that conjugate gradients may take. Nothing is begun that would exceed it.
+    /// Maximum total work, in products of two 6x6 blocks (432 floating-point operations): one per observation each time
+    /// the system is built, half of one per pair of observations of a point each time it is solved, plus the products
+    /// of its factorisation or the maximum of conjugate gradients. No step that would exceed it is started.
     pub max_work: u64,
 }
 
 impl Default for BundleOptions {
     fn default() -> Self {
-        // Five iterations, outliers out, ten more: as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+        // Five iterations, outlier removal, ten more: as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
         Self {
             robust_iterations: 5,
             final_iterations: 10,
@@ -62,9 +62,9 @@ impl Default for BundleOptions {
 /// Why bundle adjustment ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BundleStop {
-    /// No step gains more than the least gain.
+    /// No step gains more than the minimum gain.
     Converged,
-    /// The iterations of the last phase were spent before that.
+    /// The iterations of the last phase were used up.
     IterationLimit,
     /// The next step would exceed `max_work`.
     WorkLimit,
@@ -83,21 +83,21 @@ pub struct BundleReport {
     pub final_cost: f64,
     /// Why it ended.
     pub stop: BundleStop,
-    /// Work that was spent, as [`BundleOptions::max_work`] counts it.
+    /// Work used, in units of [`BundleOptions::max_work`].
     pub work: u64,
-    /// Blocks (6x6) of the poses' reduced system that were held, with their fill where it was factored: 288 bytes each.
+    /// 6x6 blocks stored for the reduced pose system, with fill-in if factored: 288 bytes each.
     pub blocks: usize,
 }
 
-/// Minimises the sum of robust squared residuals over free poses and all points (Levenberg-Marquardt; points are
-/// eliminated by the Schur complement, Triggs et al., "Bundle adjustment: a modern synthesis", 1999, section 6).
+/// Minimises the sum of robust squared residuals over free poses and all points (Levenberg-Marquardt with Schur
+/// complement, Triggs et al., "Bundle adjustment: a modern synthesis", 1999, section 6).
 ///
-/// Two phases: with the Huber kernel, then, outliers taken out, until convergence with the kernel still on. Up to 100 free
-/// poses the reduced system is dense; larger ones are sparse blocks of 6x6, factored or solved by conjugate gradients, whichever
-/// takes less (decision 11), so that thousands of poses and 100 000 points fit.
+/// Two phases: with the Huber kernel, then without outliers until convergence, still with the kernel. Up to 100 free
+/// poses the reduced system is dense; larger ones are sparse 6x6 blocks, solved by factorisation or conjugate
+/// gradients, whichever is cheaper (decision 11); thousands of poses and 100 000 points are practical.
 ///
 /// # Panics
-/// When an index of an observation is out of range or observations are not sorted by point: a caller's bug.
+/// If an index of an observation is out of range or observations are not sorted by point.
 #[must_use]
 pub fn adjust_bundle(problem: &mut BundleProblem, options: &BundleOptions) -> BundleReport {
     assert!(
@@ -134,7 +134,7 @@ pub fn adjust_bundle(problem: &mut BundleProblem, options: &BundleOptions) -> Bu
     }
 }
 
-/// What was spent so far, and the memory of the last system.
+/// Work spent, and the buffers of the last system.
 #[derive(Default)]
 struct Effort {
     iterations: usize,
@@ -144,7 +144,7 @@ struct Effort {
 }
 
 impl Effort {
-    /// Takes some work, unless it exceeds the limit.
+    /// Adds work, unless it exceeds the limit.
     fn take(&mut self, work: u64, limit: u64) -> bool {
         let sum = self.work.saturating_add(work);
         let fits = sum <= limit;
@@ -162,14 +162,14 @@ fn minimise(
     options: &BundleOptions,
     effort: &mut Effort,
 ) -> BundleStop {
-    // Which blocks the system has stays the same as long as the active observations do.
+    // The block structure depends only on the active observations.
     let plan = Plan::new(problem, active);
     effort.blocks = plan.blocks(problem.free_poses);
     let mut lambda = 1e-5;
     let mut before = cost(problem, &problem.poses, &problem.points, active);
     let mut stop = BundleStop::IterationLimit;
     'iterations: for _ in 0..iterations {
-        // A system that could not be solved once is not built.
+        // Not built unless there is work left to solve it.
         let build = problem.observations.len() as u64;
         if !effort.take(build.saturating_add(plan.work), options.max_work) {
             stop = BundleStop::WorkLimit;
@@ -178,7 +178,7 @@ fn minimise(
         effort.iterations += 1;
         schur::build(problem, active, &mut effort.system);
         let mut accepted = false;
-        // A step that does not pay is tried again with more damping; the system itself stays.
+        // A rejected step is retried with more damping on the same system.
         for trial in 0..6 {
             if trial > 0 && !effort.take(plan.work, options.max_work) {
                 stop = BundleStop::WorkLimit;
@@ -206,7 +206,7 @@ fn minimise(
         }
     }
     for pose in &mut problem.poses[..problem.free_poses] {
-        // A product of many steps is a rotation only up to rounding.
+        // Removes accumulated rounding.
         *pose = pose.normalized();
     }
     stop
@@ -237,7 +237,7 @@ fn cost(problem: &BundleProblem, poses: &[Se3], points: &[Vec3], active: &[bool]
         let p = transform(r, t, &points[o.point as usize]);
         let gate = o.measurement.gate();
         let chi2 = o.measurement.chi2(&problem.camera, &p);
-        // A point behind the camera costs as much as a very large residual: a step that puts it there does not pay.
+        // A point behind the camera has a large cost, so that such steps are rejected.
         sum += robust::huber_cost(if chi2.is_finite() { chi2 } else { 1e6 }, gate);
     }
     sum

@@ -1,7 +1,6 @@
-//! The camera's motion between two frames, by a weighted vote of points that may move themselves.
+//! Camera motion between two frames, by a weighted vote of points that may move.
 //!
-//! Answers: which rigid motion do the points obey that are likely to stand still. A person close to the camera may own most
-//! of the image; prior weights and a prior motion keep such a crowd from winning.
+//! A person close to the camera may fill most of the image; weights and a prior motion keep such points from winning.
 
 use crate::motion_search::MotionFinder;
 use crate::pose_graph::CHI2_95_6;
@@ -10,22 +9,22 @@ use crate::turn::KnownTurn;
 use crate::{Intrinsics, KnownPlace, Measurement};
 use stillpoint_geometry::{Mat6, Se3, Vec3, so3};
 
-/// A point of frame A and what frame B measured of it.
+/// A point of frame A and its measurement in frame B.
 #[derive(Clone, Copy, Debug)]
 pub struct MotionPair {
     /// Position in the camera coordinates of frame A, m.
     pub point: Vec3,
-    /// What frame B measured. Its variances should include what the error of `point` adds to the prediction.
+    /// Measurement in frame B. Its variances should include the error of `point`.
     pub measurement: Measurement,
-    /// Prior belief that the point stands still, 0 or more: its share among the samples, and its vote. Points of weight 0
-    /// are judged, but have no say.
+    /// Prior weight of the point being static, 0 or more: its share among the samples, and its vote. Points of weight 0
+    /// are classified, but do not vote.
     pub weight: f64,
 }
 
-/// What is believed of the motion before looking, for example that the velocity stayed the same.
+/// Prior on the motion, for example from constant velocity.
 #[derive(Clone, Copy, Debug)]
 pub struct MotionPrior {
-    /// The expected motion.
+    /// Expected motion.
     pub b_from_a: Se3,
     /// Standard deviation of each translation coordinate, m.
     pub sigma_m: f64,
@@ -34,7 +33,7 @@ pub struct MotionPrior {
 }
 
 impl MotionPrior {
-    /// The part of a vote that is lost by being this far from the prior: 0 at the prior, `strength` beyond the 95 % gate.
+    /// Factor on a vote, from 1 at the prior to `1 - strength` at the 95 % gate and beyond.
     pub(crate) fn factor(&self, b_from_a: &Se3, strength: f64) -> f64 {
         let t = (b_from_a.translation - self.b_from_a.translation) / self.sigma_m;
         let r = so3::log(&(b_from_a.rotation * self.b_from_a.rotation.inverse())) / self.sigma_rad;
@@ -50,26 +49,26 @@ impl MotionPrior {
 /// Effort and gates of the search for the camera's motion.
 #[derive(Clone, Copy, Debug)]
 pub struct MotionOptions {
-    /// Probability of drawing at least one sample without outliers, 0 to 1. High, because depths are noisy: two motions that
-    /// differ little have one between them that shares both crowds, and a single good sample may end there.
+    /// Probability of drawing at least one sample without outliers, 0 to 1. High, because depths are noisy: between two
+    /// similar motions lies one that fits both groups partly, where the search may end.
     pub confidence: f64,
-    /// Least number of samples.
+    /// Minimum number of samples.
     pub min_iterations: usize,
     /// Maximum number of samples; with 0 only the prior is refined.
     pub max_iterations: usize,
     /// Factor on the squared chi-square gates (95 %) of the measurements.
     pub gate_scale: f64,
-    /// How much more a pair near the middle of its gate counts than one near its border, 0 or more: with the share `r` of the squared
-    /// gate that its residual takes up, a vote is `(1 - r) / (1 + peak r)`. Within wide gates two crowds may both agree with a motion
-    /// between theirs; a high peak lets the motion win that one of them agrees with exactly.
+    /// Preference for small residuals, 0 or more: with the residual at the share `r` of the squared gate, a vote is
+    /// `(1 - r) / (1 + peak r)`. Within wide gates two groups may both fit a motion between theirs; with a high peak the
+    /// motion wins that fits one of them exactly.
     pub peak: f64,
     /// Share of its votes that a motion far from the prior loses, 0 to below 1.
     pub prior_strength: f64,
-    /// Least number of inliers with a weight.
+    /// Minimum number of inliers with nonzero weight.
     pub min_inliers: usize,
-    /// The rotation of the motion, and its translation, where they are known: others have no votes.
+    /// Known rotation and optionally translation; motions beyond its gate get no votes.
     pub turn: Option<KnownTurn>,
-    /// Where the motion brings a point, as far as that is known from elsewhere: the motion that won is optimised with it.
+    /// Known position of a point, used in the final optimisation.
     pub place: Option<KnownPlace>,
 }
 
@@ -89,30 +88,29 @@ impl Default for MotionOptions {
     }
 }
 
-/// The motion that won.
+/// The winning motion.
 #[derive(Clone, Debug)]
 pub struct CameraMotion {
-    /// The motion: maps camera coordinates of frame A to those of frame B.
+    /// Maps camera coordinates of frame A to those of frame B.
     pub b_from_a: Se3,
-    /// Per pair, whatever its weight: within the gate.
+    /// Per pair, regardless of weight: within the gate.
     pub inliers: Vec<bool>,
     /// Number of inliers.
     pub count: usize,
-    /// Share of the total weight that the inliers hold, 0 to 1.
+    /// Inliers' share of the total weight, 0 to 1.
     pub weight_share: f64,
-    /// Samples drawn; the prior is not among them.
+    /// Samples drawn, excluding the prior.
     pub iterations: usize,
-    /// The inverse covariance of the motion, for a left perturbation `[translation; rotation]`, as far as the measurements'
-    /// variances tell.
+    /// Inverse covariance, for a left perturbation `[translation; rotation]`, from the measurements' variances.
     pub information: Mat6,
 }
 
-/// Finds the motion `b_from_a` with the largest weighted vote. Each pair votes with its weight, falling from one to zero
-/// at its chi-square gate. The prior is the first hypothesis; then come samples of three pairs, drawn by weight, solved by
-/// aligning the two triangles when all have depth in B (Umeyama 1991), else by P3P. New best ones are refined at once, the
-/// winner by [`optimise_pose`](crate::optimise_pose).
+/// Finds the motion `b_from_a` with the largest weighted vote. A pair's vote falls from its weight to zero at its
+/// chi-square gate. The first hypothesis is the prior; then samples of three pairs, drawn by weight, are solved by
+/// aligning the two triangles if all have depth in B (Umeyama 1991), else by P3P. New best ones are refined at once,
+/// the winner by [`optimise_pose`](crate::optimise_pose).
 ///
-/// `None` when fewer than `min_inliers` pairs with a weight agree on any motion.
+/// `None` if no motion has `min_inliers` inliers with nonzero weight.
 #[must_use]
 pub fn find_camera_motion(
     camera: &Intrinsics,
@@ -124,7 +122,7 @@ pub fn find_camera_motion(
     MotionFinder::default().find(camera, pairs, prior, options, rng)
 }
 
-/// The weight of a pair, 0 for what is not a positive number or a pair that is not finite.
+/// The weight of a pair; 0 if not positive, or if the pair is not finite.
 pub(crate) fn believed(p: &MotionPair) -> f64 {
     let m = &p.measurement;
     let sum = p.point.sum() + m.pixel.sum() + m.inverse_depth + m.pixel_weight;

@@ -1,10 +1,11 @@
-//! How uncertain an optimised pose is.
+//! Covariance of optimised poses.
 
 use crate::PoseEstimate;
 use stillpoint_geometry::Mat6;
 
-/// Smallest pivot of the information, brought to ones on its diagonal, with which it is inverted. Below, some direction is known ten thousand times
-/// worse (the root) than its part in the others makes it look, and its figure would be rounding: half of the digits of double precision.
+/// Smallest pivot of the information, scaled to a unit diagonal, with which it is inverted. Below it, some direction
+/// has an uncertainty ten thousand times (the root) that given by its diagonal entry, and the result would be
+/// rounding error: half of the digits of double precision.
 const MIN_PIVOT: f64 = 1e-8;
 
 impl PoseEstimate {
@@ -15,17 +16,18 @@ impl PoseEstimate {
     }
 }
 
-/// Inverts the information `J^T W J` of a pose: with `W` the inverse covariance of the measurements, the covariance of the
-/// least-squares estimate to first order (Hartley, Zisserman, section 5.2). Order and coordinates stay those of the
+/// Inverts the information `J^T W J` of a pose: with `W` the inverse covariance of the measurements, the covariance of
+/// the least-squares estimate to first order (Hartley, Zisserman, section 5.2). Order and coordinates stay those of the
 /// information: for `[translation; rotation]` in m and rad the blocks are m^2, m rad and rad^2.
 ///
-/// After gating it is somewhat too small: with the outer 5 % of good measurements those that pull most are taken out as well, and
-/// errors have 1.14 (with depth) to 1.19 times (without) the variance it tells. A normalised squared error is 6.9 on average, not 6.
+/// After gating it is somewhat too small, since the most influential 5 % of good measurements are removed as well:
+/// errors have 1.14 (with depth) to 1.19 times (without) this variance, and a normalised squared error is 6.9 on
+/// average, not 6.
 ///
-/// `None` when the measurements leave a direction open (the matrix is singular), or when it is not finite.
+/// `None` if a direction is unconstrained (the matrix is singular) or the matrix is not finite.
 #[must_use]
 pub fn pose_covariance(information: &Mat6) -> Option<Mat6> {
-    // Metres and radians differ in size by what the scene's depth is: ones on the diagonal make pivots comparable.
+    // A unit diagonal makes pivots of metres and radians comparable.
     let scale = information.diagonal().map(|d| 1.0 / d.sqrt());
     if !scale.iter().all(|s| s.is_finite()) {
         return None;
@@ -36,7 +38,7 @@ pub fn pose_covariance(information: &Mat6) -> Option<Mat6> {
     });
     let cholesky = scaled.cholesky()?;
     let pivots = cholesky.l_dirty().diagonal();
-    // A comparison that fails for NaN as well.
+    // The comparison fails for NaN as well.
     if !pivots.iter().all(|p| p * p > MIN_PIVOT) {
         return None;
     }

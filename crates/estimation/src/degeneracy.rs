@@ -1,46 +1,47 @@
-//! Whether two views determine a fundamental matrix at all.
+//! Tests whether two views determine a fundamental matrix.
 //!
-//! Pure rotation and planar scenes leave a family of fundamental matrices, and a camera that hardly moved leaves all of
-//! them: whatever epipolar lines come out then say nothing about what moved.
+//! Pure rotation and planar scenes leave a family of fundamental matrices, and a static camera leaves all of them:
+//! epipolar lines then carry no information on motion.
 
 use crate::fundamental::sampson_squared;
 use crate::two_view::PixelPair;
 use stillpoint_geometry::{Mat3, Vec3};
 
-/// What keeps the epipolar lines from being determined.
+/// Why epipolar lines are undetermined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Degeneracy {
-    /// Nothing: the fundamental matrix explains more than simpler relations do.
+    /// They are determined: the fundamental matrix explains more than simpler relations do.
     None,
-    /// A homography explains the pairs: the scene is a plane, or the camera only turned.
+    /// A homography explains the pairs: planar scene or pure rotation.
     PlanarOrRotation,
-    /// Pixels that stay where they are explain the pairs: the camera moved less than the noise shows.
+    /// No motion explains the pairs: the camera motion is below the noise.
     LowMotion,
 }
 
-/// The verdict and the scores it rests on; the lowest score wins.
+/// The verdict and the scores; the lowest score wins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DegeneracyTest {
     /// The verdict.
     pub degeneracy: Degeneracy,
-    /// Score of the fundamental matrix; infinite when there is none.
+    /// Score of the fundamental matrix; infinite if there is none.
     pub fundamental: f64,
-    /// Score of the homography; infinite when there is none.
+    /// Score of the homography; infinite if there is none.
     pub homography: f64,
     /// Score of no motion.
     pub identity: f64,
 }
 
-/// Compares fundamental matrix, homography and no motion by the geometric robust information criterion (Torr, "Bayesian model
-/// estimation and selection for epipolar geometry and generic manifold fitting", IJCV 2002):
+/// Compares fundamental matrix, homography and no motion by the geometric robust information criterion (Torr, "Bayesian
+/// model estimation and selection for epipolar geometry and generic manifold fitting", IJCV 2002):
 ///
 /// `GRIC = sum min(e^2 / sigma^2, 2 (4 - d)) + d n log 4 + k log(4 n)`
 ///
-/// for n pairs, the squared Sampson distance e^2, and models of dimension d with k parameters: 3 and 7 for the fundamental
-/// matrix, 2 and 8 for the homography, 2 and 0 for no motion. So a homography wins when it explains more than about
-/// four fifths of what the fundamental matrix does. `sigma_px` is the standard deviation of a pixel coordinate, px.
+/// for n pairs, the squared Sampson distance e^2, and models of dimension d with k parameters: 3 and 7 for the
+/// fundamental matrix, 2 and 8 for the homography, 2 and 0 for no motion. So a homography wins if it explains more than
+/// about four fifths of the pairs explained by the fundamental matrix. `sigma_px` is the standard deviation of a pixel
+/// coordinate, px.
 ///
-/// Without any relation to compare with, or without pairs, no motion wins.
+/// Without relations or pairs, no motion wins.
 #[must_use]
 pub fn test_degeneracy(
     pairs: &[PixelPair],
@@ -52,7 +53,7 @@ pub fn test_degeneracy(
     let score = |dimension: f64, parameters: f64, squared: &dyn Fn(&PixelPair) -> f64| {
         let (mut sum, cap) = (0.0, 2.0 * (4.0 - dimension));
         for pair in pairs {
-            // What is not a number is as bad as it gets.
+            // NaN counts as the cap.
             sum += f64::min(squared(pair) * inverse_variance, cap);
         }
         let n = pairs.len() as f64;
@@ -83,8 +84,8 @@ pub fn test_degeneracy(
     }
 }
 
-/// Squared Sampson distance (px^2) to a homography: to first order how far both pixels together must move to agree with it
-/// (Hartley, Zisserman, section 4.2.6). Infinite where the homography maps to infinity.
+/// Squared Sampson distance (px^2) to a homography: to first order how far both pixels together must move to agree with
+/// it (Hartley, Zisserman, section 4.2.6). Infinite where the homography maps to infinity.
 #[must_use]
 pub fn transfer_squared(h: &Mat3, p1: [f64; 2], p2: [f64; 2]) -> f64 {
     let q = h * Vec3::new(p1[0], p1[1], 1.0);

@@ -1,8 +1,8 @@
-//! Whether points are far enough apart to determine a motion.
+//! Spatial extent of points, to detect degenerate configurations.
 
 use stillpoint_geometry::{Mat3, Vec3};
 
-/// The least height of a triangle, m.
+/// The smallest height of a triangle, m.
 pub(crate) fn height(p: &[Vec3; 3]) -> f64 {
     let sides = [p[1] - p[0], p[2] - p[0], p[2] - p[1]];
     let longest = sides.iter().fold(0.0, |a, s| f64::max(a, s.norm()));
@@ -13,7 +13,7 @@ pub(crate) fn height(p: &[Vec3; 3]) -> f64 {
     }
 }
 
-/// Root mean square distance of points from the line that fits them best, m; 0 for none.
+/// Root mean square distance of points from their best-fitting line, m; 0 for no points.
 pub(crate) fn spread(points: &[Vec3]) -> f64 {
     let count = points.len().max(1) as f64;
     let mean = points.iter().fold(Vec3::zeros(), |a, p| a + p) / count;
@@ -32,7 +32,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Points at a distance from a line have that spread, whichever way the line runs.
+        /// Points at equal distance from a line have this spread, for any direction of the line.
         #[test]
         fn spread_is_the_distance_from_a_line(a in prop::array::uniform3(-1.0..1.0f64), away in 0.0..0.2f64) {
             let line = Vec3::from(a);

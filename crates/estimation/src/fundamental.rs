@@ -1,4 +1,4 @@
-//! The fundamental matrix of two views: `p2^T F p1 = 0` for the pixels of every point that stood still.
+//! The fundamental matrix of two views: `p2^T F p1 = 0` for the pixels of all static points.
 
 use crate::linear::{cubic_roots, determinant_cubic, smallest_eigenvector, to_rank_two};
 use crate::sampling::Rng;
@@ -6,7 +6,7 @@ use crate::two_view::{Block, LANES, Pairs, PixelPair, Relation, TwoViewOptions};
 use crate::two_view::{gate, rows, search};
 use stillpoint_geometry::{Mat3, Vec3};
 
-/// A fundamental matrix and the pairs that agree with it.
+/// A fundamental matrix with its inliers.
 #[derive(Clone, Debug)]
 pub struct Fundamental {
     /// Maps pixels of the first image to lines of the second; rank 2, Frobenius norm 1.
@@ -19,8 +19,8 @@ pub struct Fundamental {
     pub iterations: usize,
 }
 
-/// Distance (px) of the pixel `p2` to the epipolar line of `p1`: with `l = F p1 = (X, Y, Z)`,
-/// `|p2^T l| / sqrt(X^2 + Y^2)`. Infinite when `p1` is the epipole, which has no line.
+/// Distance (px) of the pixel `p2` to the epipolar line of `p1`: with `l = F p1 = (X, Y, Z)`, `|p2^T l| / sqrt(X^2 +
+/// Y^2)`. Infinite if `p1` is the epipole.
 #[must_use]
 pub fn epipolar_distance(f: &Mat3, p1: [f64; 2], p2: [f64; 2]) -> f64 {
     let l = f * Vec3::new(p1[0], p1[1], 1.0);
@@ -33,7 +33,7 @@ pub fn epipolar_distance(f: &Mat3, p1: [f64; 2], p2: [f64; 2]) -> f64 {
 }
 
 /// Squared Sampson distance (px^2): to first order how far both pixels together must move to agree with `f` (Hartley,
-/// Zisserman, "Multiple View Geometry", equation 11.9). Infinite where it is undefined, at both epipoles.
+/// Zisserman, "Multiple View Geometry", equation 11.9). Infinite where undefined, at both epipoles.
 #[must_use]
 pub fn sampson_squared(f: &Mat3, p1: [f64; 2], p2: [f64; 2]) -> f64 {
     let (a, b) = (Vec3::new(p1[0], p1[1], 1.0), Vec3::new(p2[0], p2[1], 1.0));
@@ -43,8 +43,8 @@ pub fn sampson_squared(f: &Mat3, p1: [f64; 2], p2: [f64; 2]) -> f64 {
     if d.is_nan() { f64::INFINITY } else { d }
 }
 
-/// All fundamental matrices (one to three, Frobenius norm 1) of seven pairs (Hartley, Zisserman, 11.1.2). Coordinates should
-/// be of the order of one; [`find_fundamental`] sees to that. Empty when the pairs do not determine a pencil of matrices.
+/// All fundamental matrices (one to three, Frobenius norm 1) of seven pairs (Hartley, Zisserman, 11.1.2). Coordinates
+/// should be of order one, as [`find_fundamental`] ensures. Empty if the pairs do not determine a pencil of matrices.
 #[must_use]
 pub fn seven_point(sample: &[PixelPair; 7]) -> Vec<Mat3> {
     let Some([a, b]) = kernel(sample.map(|(p, q)| kronecker(p, q))) else {
@@ -130,11 +130,11 @@ impl Relation<7> for Epipolar {
         seven_point(sample)
     }
 
-    /// The normalised eight-point method with each equation divided by its standard deviation at `start`, so that it minimises
-    /// the Sampson distance to first order (Hartley, Zisserman, 11.4.3; Zhang, IJCV 1998, section 3.2).
+    /// The normalised eight-point method with each equation divided by its standard deviation at `start`, so that it
+    /// minimises the Sampson distance to first order (Hartley, Zisserman, 11.4.3; Zhang, IJCV 1998, section 3.2).
     fn refit(pairs: &Pairs, start: &Mat3, gate: f64) -> Option<Mat3> {
         let f = rows(start);
-        // Each row of the design matrix is the Kronecker product of two pixels, so its square has 6 x 6 different sums.
+        // Rows of the design matrix are Kronecker products of two pixels, so only 6 x 6 sums differ.
         let mut sums = [[0.0; 6]; 6];
         let mut used = 0;
         for block in &pairs.blocks {
@@ -175,7 +175,7 @@ impl Relation<7> for Epipolar {
     }
 }
 
-/// Squared Sampson distances of a block, and 1 / the squared gradients they were divided by.
+/// Squared Sampson distances of a block, and the reciprocal squared gradients.
 #[inline]
 fn sampson(f: &[f64; 9], b: &Block) -> ([f64; LANES], [f64; LANES]) {
     let (mut squared, mut inverse) = ([0.0; LANES], [0.0; LANES]);
@@ -194,10 +194,10 @@ fn sampson(f: &[f64; 9], b: &Block) -> ([f64; LANES], [f64; LANES]) {
     (squared, inverse)
 }
 
-/// Finds the fundamental matrix that most pairs agree with: samples of seven, all real roots, the least truncated Sampson
+/// Finds the fundamental matrix with most inliers: samples of seven, all real roots; the smallest truncated Sampson
 /// cost wins and is refined on its inliers. Pairs that are not finite are never inliers.
 ///
-/// `None` with fewer than eight finite pairs, or when no matrix has eight inliers: seven pairs always have one.
+/// `None` with fewer than eight finite pairs, or if no matrix has eight inliers: seven pairs always have one.
 #[must_use]
 pub fn find_fundamental(
     pairs: &[PixelPair],

@@ -1,22 +1,22 @@
-//! Conjugate gradients for symmetric systems of 6x6 blocks that are too full to be factored.
+//! Conjugate gradients for symmetric systems of 6x6 blocks that are too dense to factor.
 
 use crate::sparse::{Block, Pattern, backward, cholesky, forward};
 use stillpoint_geometry::Vec6;
 
-/// Iterations at most, a number. Most systems end here, with what is left of the error spread over many poses (decision 11); the next system of
-/// bundle adjustment starts where this one ended.
+/// Maximum number of iterations. Most systems end here, with the remaining error spread over many poses (decision 11);
+/// the next system of bundle adjustment continues from there.
 pub(crate) const MAX_ITERATIONS: u64 = 200;
 
-/// Share of the right hand side's norm at which the residual is small enough, both in the norm of the preconditioner. Chosen: a thousandth of the
-/// gain at which bundle adjustment ends (1e-4).
+/// Relative residual at which to stop, a share of the right hand side's norm, both in the norm of the preconditioner.
+/// Chosen: a thousandth of the gain at which bundle adjustment ends (1e-4).
 const TOLERANCE: f64 = 1e-7;
 
-/// Solves `A x = b` by preconditioned conjugate gradients (Hestenes, Stiefel 1952), with the Cholesky factors of the diagonal blocks
-/// as preconditioner (block Jacobi: Agarwal et al., "Bundle adjustment in the large", ECCV 2010). `values` are the blocks of
-/// the lower triangle in the order of the pattern, which must be without fill.
+/// Solves `A x = b` by preconditioned conjugate gradients (Hestenes, Stiefel 1952), with the Cholesky factors of the
+/// diagonal blocks as preconditioner (block Jacobi: Agarwal et al., "Bundle adjustment in the large", ECCV 2010).
+/// `values` are the blocks of the lower triangle in the order of the pattern, which must be without fill.
 ///
-/// After [`MAX_ITERATIONS`] the solution is what it is by then, and still a direction of descent. `None` when `A` is found not to
-/// be positive definite.
+/// After [`MAX_ITERATIONS`] the current solution is returned, which is a direction of descent. `None` if `A` is found
+/// not to be positive definite.
 pub(crate) fn solve(pattern: &Pattern, values: &[Block], b: &[[f64; 6]]) -> Option<Vec<Vec6>> {
     let factors = (0..pattern.count())
         .map(|k| {
@@ -31,7 +31,7 @@ pub(crate) fn solve(pattern: &Pattern, values: &[Block], b: &[[f64; 6]]) -> Opti
     let mut rz = dot(&r, &z);
     let enough = TOLERANCE * TOLERANCE * rz;
     for _ in 0..MAX_ITERATIONS {
-        // Written so that what is not a number ends the search as well.
+        // NaN ends the iteration as well.
         if rz.is_nan() || rz <= enough {
             break;
         }
@@ -82,7 +82,7 @@ fn multiply(pattern: &Pattern, values: &[Block], x: &[[f64; 6]]) -> Vec<[f64; 6]
                 }
                 y[row][i] += sum;
             }
-            // The diagonal block is whole, the others stand for their transposes as well.
+            // Off-diagonal blocks also stand for their transposes.
             if offset > 0 {
                 for (l, s) in block.iter().zip(&x[row]) {
                     for (v, a) in yk.iter_mut().zip(l) {
@@ -119,7 +119,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Against the factorisation of the same system.
+        /// Compared with the factorisation of the same system.
         #[test]
         fn solutions_are_those_of_the_factor(count in 1usize..30, per in 0usize..6, seed in any::<u64>()) {
             let random = &mut rng(seed, 0, Purpose(1000));

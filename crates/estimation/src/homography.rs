@@ -1,4 +1,4 @@
-//! The homography of two views: `p2 ~ H p1` for the pixels of a plane, or of everything under pure rotation.
+//! The homography of two views: `p2 ~ H p1` for the pixels of a plane, or of all points under pure rotation.
 
 use crate::linear::{adjugate, smallest_eigenvector};
 use crate::sampling::Rng;
@@ -6,7 +6,7 @@ use crate::two_view::{Block, LANES, Pairs, PixelPair, Relation, TwoViewOptions};
 use crate::two_view::{gate, rows, search};
 use stillpoint_geometry::{Mat3, Vec3};
 
-/// A homography and the pairs that agree with it.
+/// A homography with its inliers.
 #[derive(Clone, Debug)]
 pub struct Homography {
     /// Maps homogeneous pixels of the first image to the second; Frobenius norm 1, positive determinant.
@@ -19,13 +19,13 @@ pub struct Homography {
     pub iterations: usize,
 }
 
-/// The homography of four pairs (Hartley, Zisserman, example 4.7.1: through the basis that the points form). `None` when three
-/// points of an image are on a line, or when the points would not all be on the same side of the camera.
+/// The homography of four pairs (Hartley, Zisserman, example 4.7.1: through the basis that the points form). `None` if
+/// three points of an image are collinear, or the points would be on both sides of the camera.
 #[must_use]
 pub fn four_point(sample: &[PixelPair; 4]) -> Option<Mat3> {
     let (a, ka) = basis(&sample.map(|p| p.0))?;
     let (b, kb) = basis(&sample.map(|p| p.1))?;
-    // H maps point i to kb_i / ka_i times its partner: factors of equal sign keep points in front of the camera there.
+    // H maps point i to kb_i / ka_i times its partner: factors of equal sign keep points in front of the camera.
     if (0..3).any(|i| ka[i] * kb[i] <= 0.0) {
         return None;
     }
@@ -40,7 +40,7 @@ fn basis(p: &[[f64; 2]; 4]) -> Option<(Mat3, Vec3)> {
     let m = Mat3::from_columns(&[a, b, c]);
     let (adj, det) = (adjugate(&m), m.determinant());
     let scaled = adj * d;
-    // Twice the areas of the four triangles: one that vanishes has its corners on a line.
+    // Twice the areas of the four triangles: zero for collinear corners.
     let least = scaled.iter().fold(det.abs(), |x, v| x.min(v.abs()));
     if least.is_nan() || least <= 1e-9 {
         return None;
@@ -56,8 +56,8 @@ impl Relation<4> for Planar {
         four_point(sample).into_iter().collect()
     }
 
-    /// The normalised direct linear method (Hartley, Zisserman, algorithm 4.2), each equation divided by the third coordinate
-    /// at `start`, so that residuals are distances.
+    /// The normalised direct linear method (Hartley, Zisserman, algorithm 4.2), each equation divided by the third
+    /// coordinate at `start`, so that residuals are distances.
     fn refit(pairs: &Pairs, start: &Mat3, gate: f64) -> Option<Mat3> {
         let h = rows(start);
         let mut sums = [[0.0; 6]; 4];
@@ -114,10 +114,10 @@ impl Relation<4> for Planar {
     }
 }
 
-/// Finds the homography that most pairs agree with: samples of four, the least truncated transfer error wins and is refined on
-/// its inliers. Pairs that are not finite are never inliers.
+/// Finds the homography with most inliers: samples of four; the smallest truncated transfer error wins and is refined
+/// on its inliers. Pairs that are not finite are never inliers.
 ///
-/// `None` with fewer than five finite pairs, or when no homography has five inliers: four pairs always have one.
+/// `None` with fewer than five finite pairs, or if no homography has five inliers: four pairs always have one.
 #[must_use]
 pub fn find_homography(
     pairs: &[PixelPair],

@@ -1,8 +1,8 @@
-//! Two-view relations, camera motion, rigid and absolute poses, pose optimisation, triangulation, bundle adjustment and pose
-//! graphs: arrays in, results out.
+//! Two-view relations, camera motion, rigid and absolute poses, pose optimisation, triangulation, bundle adjustment and
+//! pose graphs.
 //!
-//! Answers: which poses and points explain these observations best, and which observations do not fit. Knows no keyframes, no landmarks and no map. Failing
-//! to converge is a result, not an error. All sums are taken in a fixed order.
+//! Functions from arrays to results, independent of keyframes and maps. Failing to converge is a result, not an error.
+//! All sums are taken in a fixed order.
 
 mod absolute_pose;
 mod bundle;

@@ -1,15 +1,15 @@
-//! Small dense algebra of the minimal solvers, with one order of operations everywhere.
+//! Small dense algebra of the minimal solvers, with a fixed order of operations.
 
 use stillpoint_geometry::{Mat3, Vec3};
 
-/// The eigenvector (length 1) of the smallest eigenvalue of a symmetric positive semidefinite matrix, by inverse iteration.
+/// The unit eigenvector of the smallest eigenvalue of a symmetric positive semidefinite matrix, by inverse iteration.
 /// `None` for a matrix that is zero or not finite.
 pub(crate) fn smallest_eigenvector<const N: usize>(m: &[[f64; N]; N]) -> Option<[f64; N]> {
     let trace: f64 = (0..N).map(|i| m[i][i]).sum();
     if !(trace.is_finite() && trace > 0.0) {
         return None;
     }
-    // The shift keeps pivots above rounding when the smallest eigenvalue is zero, and is far below the second one.
+    // The shift keeps pivots above rounding if the smallest eigenvalue is zero, and is far below the second one.
     let (l, d) = ldlt(m, 1e-14 * trace)?;
     let mut x: [f64; N] = std::array::from_fn(|i| 1.0 + 0.1 * i as f64);
     for _ in 0..16 {
@@ -42,7 +42,7 @@ pub(crate) fn smallest_eigenvector<const N: usize>(m: &[[f64; N]; N]) -> Option<
     Some(x)
 }
 
-/// `m + shift I = L D L^T` with unit diagonal of L; pivots are held at the shift or above.
+/// `m + shift I = L D L^T` with unit diagonal of L; pivots are at least the shift.
 #[allow(clippy::type_complexity)]
 fn ldlt<const N: usize>(m: &[[f64; N]; N], shift: f64) -> Option<([[f64; N]; N], [f64; N])> {
     let (mut l, mut d) = ([[0.0; N]; N], [0.0; N]);
@@ -66,7 +66,7 @@ fn ldlt<const N: usize>(m: &[[f64; N]; N], shift: f64) -> Option<([[f64; N]; N],
     Some((l, d))
 }
 
-/// The nearest of the matrices that share the kernel of the smallest singular value: rank 2 in Frobenius norm.
+/// The nearest rank-2 matrix in Frobenius norm, sharing the kernel of the smallest singular value.
 pub(crate) fn to_rank_two(f: &Mat3) -> Option<Mat3> {
     let g = f.tr_mul(f);
     let rows = [0, 1, 2].map(|r| [0, 1, 2].map(|c| g[(r, c)]));
@@ -84,7 +84,6 @@ pub(crate) fn adjugate(m: &Mat3) -> Mat3 {
 /// Coefficients `c0 + c1 x + c2 x^2 + c3 x^3` of `det(x a + b)`.
 pub(crate) fn determinant_cubic(a: &Mat3, b: &Mat3) -> [f64; 4] {
     let (adj_a, adj_b) = (adjugate(a), adjugate(b));
-    // The trace of a product needs its diagonal only.
     let trace = |m: &Mat3, n: &Mat3| {
         let mut sum = 0.0;
         for i in 0..3 {
@@ -105,7 +104,6 @@ pub(crate) fn determinant_cubic(a: &Mat3, b: &Mat3) -> [f64; 4] {
     ]
 }
 
-/// Up to three real numbers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Roots {
     values: [f64; 3],
@@ -125,7 +123,8 @@ impl Roots {
     }
 }
 
-/// The real roots of `c0 + c1 x + c2 x^2`, without cancellation. A discriminant that is negative by rounding counts as zero.
+/// The real roots of `c0 + c1 x + c2 x^2`, without cancellation. A discriminant that is negative by rounding counts as
+/// zero.
 pub(crate) fn quadratic_roots(c: [f64; 3]) -> Roots {
     let mut roots = Roots::default();
     let size = c[0].abs().max(c[1].abs()).max(c[2].abs());
@@ -148,8 +147,8 @@ pub(crate) fn quadratic_roots(c: [f64; 3]) -> Roots {
     roots
 }
 
-/// The real roots of `c0 + c1 x + c2 x^2 + c3 x^3` (Press et al., "Numerical Recipes", 5.6), polished by Newton's method. A
-/// root that is near infinity, where c3 vanishes, is left out.
+/// The real roots of `c0 + c1 x + c2 x^2 + c3 x^3` (Press et al., "Numerical Recipes", 5.6), polished by Newton's
+/// method. A root near infinity, where c3 vanishes, is left out.
 pub(crate) fn cubic_roots(c: [f64; 4]) -> Roots {
     let size = c.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
     if c[3].abs() <= 1e-13 * size {
@@ -177,7 +176,7 @@ pub(crate) fn cubic_roots(c: [f64; 4]) -> Roots {
     roots
 }
 
-/// Newton steps on the monic cubic, as long as they bring it nearer to zero.
+/// Newton steps on the monic cubic, while its value decreases.
 fn polish(a: f64, b: f64, d: f64, mut x: f64) -> f64 {
     let value = |x: f64| ((x + a) * x + b) * x + d;
     let mut f = value(x);
@@ -199,7 +198,6 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Roots that were put in come out, and nothing else does.
         #[test]
         fn cubics_have_their_roots(a in -5.0..5.0f64, b in -5.0..5.0f64, c in -5.0..5.0f64, size in 0.1..10.0f64) {
             let gap = (a - b).abs().min((a - c).abs()).min((b - c).abs());
@@ -266,7 +264,7 @@ mod tests {
     fn nothing_has_no_eigenvector() {
         assert!(smallest_eigenvector(&[[0.0; 3]; 3]).is_none());
         assert!(smallest_eigenvector(&[[f64::NAN; 3]; 3]).is_none());
-        // A kernel of two dimensions: any of its vectors will do.
+        // Any vector of a two-dimensional kernel is valid.
         let v = smallest_eigenvector(&[[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]);
         assert!(v.unwrap()[0].abs() < 1e-12);
     }

@@ -1,4 +1,4 @@
-//! The search for a camera's motion: samples, refinements, the winner.
+//! RANSAC search for the camera's motion.
 
 use crate::absolute_pose::FINAL_OPENING;
 use crate::camera_motion::believed;
@@ -13,17 +13,14 @@ use crate::{
 };
 use stillpoint_geometry::{Mat6, Se3, Vec3, align_umeyama};
 
-/// [`find_camera_motion`](crate::find_camera_motion) for one frame after the other: it keeps its memory.
+/// [`find_camera_motion`](crate::find_camera_motion) with reusable buffers.
 #[derive(Clone, Debug, Default)]
 pub struct MotionFinder {
     votes: Votes,
     /// Running sums of the weights, for drawing by weight.
     cumulative: Vec<f64>,
-    /// Motions that a sample allows.
     candidates: Vec<Se3>,
-    /// Observations that agree with a motion.
     agreeing: Vec<PoseObservation>,
-    /// Inliers of an optimisation.
     active: Vec<bool>,
     /// For [`CameraMotion::inliers`].
     inliers: Vec<bool>,
@@ -62,7 +59,7 @@ impl MotionFinder {
             best_raw: 0.0,
         };
         if let Some(prior) = prior {
-            // The prior goes first: samples then compete with a motion that is likely right, and most are dropped early.
+            // The prior first: most samples are then rejected early against a likely motion.
             let raw = search.score(&prior.b_from_a, 0.0);
             search.propose(&prior.b_from_a, raw);
         }
@@ -70,7 +67,7 @@ impl MotionFinder {
         search.conclude(iterations)
     }
 
-    /// Takes back the memory of inliers that nobody needs any more.
+    /// Recycles an inlier list.
     pub fn reuse(&mut self, inliers: Vec<bool>) {
         self.inliers = inliers;
     }
@@ -85,8 +82,8 @@ struct Search<'a> {
     best: Option<Se3>,
     /// Vote of `best`, prior included.
     best_score: f64,
-    /// Best vote of a sample before its refinement. Samples compete with each other as they are: noise makes them all
-    /// look worse than a refined motion, also those that would end up better.
+    /// Best vote of a sample before refinement. Samples compete unrefined: noise makes them all worse than a refined
+    /// motion, even those that would end up better.
     best_raw: f64,
 }
 
@@ -95,7 +92,7 @@ impl Search<'_> {
         self.memory.cumulative.last().copied().unwrap_or(0.0)
     }
 
-    /// The vote on a motion, 0 when it cannot exceed `limit`.
+    /// The vote for a motion; 0 if it cannot exceed `limit`.
     fn score(&self, b_from_a: &Se3, limit: f64) -> f64 {
         if self.options.turn.is_some_and(|t| !t.allows(b_from_a)) {
             return 0.0;
@@ -106,13 +103,13 @@ impl Search<'_> {
         factor * self.memory.votes.count(b_from_a, limit / factor)
     }
 
-    /// Refines a motion, whose vote is `raw`, in two steps, first with open gates, and keeps it if it is the best so far.
+    /// Refines a motion with vote `raw` in two steps, first with open gates, and keeps it if it is the best yet.
     fn propose(&mut self, start: &Se3, raw: f64) {
         if raw > self.best_score {
             (self.best, self.best_score) = (Some(*start), raw);
         }
         let mut pose = *start;
-        // Open first, since a motion from three noisy points misses many pairs that agree with the true one.
+        // Open first, since a motion from three noisy points misses many inliers of the true one.
         for opening in [9.0, 1.0] {
             let Some(refined) = self.refine(&pose, opening) else {
                 return;
@@ -148,7 +145,7 @@ impl Search<'_> {
         Some(self.optimise(pose, &options).0)
     }
 
-    /// The pose that the gathered observations agree on, and the inverse of its covariance.
+    /// Optimises the pose on the gathered observations; returns it with its information.
     fn optimise(&mut self, pose: &Se3, options: &PoseOptions) -> (Se3, Mat6) {
         let memory = std::mem::take(&mut self.memory.active);
         let gathered = &self.memory.agreeing;
@@ -157,8 +154,8 @@ impl Search<'_> {
         (estimate.camera_from_world, estimate.information)
     }
 
-    /// Gathers observations of the pairs with a weight whose squared residual is within `scale` gates, each with as much weight as its vote
-    /// falls with its squared residual at `pose`: minimising their squares raises the vote.
+    /// Gathers observations of the weighted pairs with squared residuals within `scale` gates, weighted by the slope of
+    /// their vote at `pose`, so that minimising squares raises the vote.
     fn gather(&mut self, pose: &Se3, scale: f64) {
         let (r, t) = (pose.rotation_matrix(), pose.translation);
         let o = self.options;
@@ -185,7 +182,7 @@ impl Search<'_> {
         }
     }
 
-    /// Draws samples until a better motion has become improbable; returns how many.
+    /// Draws samples until a better motion has become improbable; returns their number.
     fn sample(&mut self, mut rng: Rng) -> usize {
         let o = self.options;
         if o.max_iterations == 0 {
@@ -215,9 +212,9 @@ impl Search<'_> {
         iterations
     }
 
-    /// The weight that agrees with the best motion: as samples are drawn by weight, also the probability of a good draw.
+    /// Weight share that agrees with the best motion, which is also the probability of a good draw.
     fn share(&self) -> f64 {
-        // Within wide gates almost everything may agree with almost anything; what agrees exactly does not.
+        // Within wide gates almost everything may agree; the peaked vote is selective.
         let agreeing = |pose: Se3| match self.options.peak > 0.0 {
             true => self.memory.votes.count(&pose, 0.0),
             false => self.memory.votes.inlier_weight(&pose),
@@ -225,7 +222,7 @@ impl Search<'_> {
         self.best.map_or(0.0, agreeing) / self.total()
     }
 
-    /// Three different pairs, by weight; `None` when a few pairs hold nearly all weight and keep being drawn.
+    /// Three different pairs, by weight; `None` if a few pairs hold nearly all weight and are drawn repeatedly.
     fn draw(&self, rng: &mut Rng) -> Option<[usize; 3]> {
         let mut chosen = [usize::MAX; 3];
         for k in 0..3 {
@@ -245,7 +242,6 @@ impl Search<'_> {
         Some(chosen)
     }
 
-    /// Finds the motions that three pairs allow.
     fn solve(&mut self, chosen: &[usize; 3]) {
         let found = &mut self.memory.candidates;
         found.clear();
@@ -270,7 +266,7 @@ impl Search<'_> {
 
     fn conclude(mut self, iterations: usize) -> Option<CameraMotion> {
         let scale = self.options.gate_scale;
-        // Opened gates: the best motion is still rough, and the optimisation tests all that it is given again.
+        // Open gates: the best motion is still rough, and the optimisation applies the gates again.
         let options = PoseOptions {
             rounds: 2,
             plain_rounds: 1,
@@ -311,7 +307,8 @@ impl Search<'_> {
     }
 }
 
-/// Whether the sides of the triangles of three pairs, and as seen in frame B, agree within their noise: what does not cannot be one rigid body.
+/// Whether the side lengths of the triangles in both frames agree within their noise; otherwise the pairs are not one
+/// rigid body.
 fn rigid(
     camera: &Intrinsics,
     options: &MotionOptions,
@@ -330,10 +327,10 @@ fn rigid(
     })
 }
 
-/// Share of the best vote that a sample needs before it is worth refining. Chosen: three noisy pairs tell a motion roughly, and refining may raise
-/// its vote by a factor of four.
+/// Share of the best vote that a sample needs to be refined. Chosen: three noisy pairs give a rough motion, and
+/// refining may raise its vote by a factor of four.
 const RAW_SHARE: f64 = 0.25;
 
-/// Pairs that a refinement between samples looks at, at most, a number: enough for its accuracy, few enough to be quick. Chosen: twelve times a
-/// sample.
+/// Maximum number of pairs in a refinement between samples: enough for its accuracy, few enough to be quick. Chosen:
+/// twelve times a sample.
 const REFINE_PAIRS: usize = 36;

@@ -1,4 +1,4 @@
-//! What a camera measures of a point, and how far that is from a prediction.
+//! Measurements of points, and their distance from a prediction.
 
 use stillpoint_geometry::{Camera, Vec2, Vec3, robust};
 
@@ -26,8 +26,8 @@ impl From<&Camera> for Intrinsics {
     }
 }
 
-/// An undistorted pixel and, where the sensor gave one, a depth. The depth enters as its inverse: the error of
-/// structured light and of stereo is uniform in disparity, which is proportional to 1/z.
+/// An undistorted pixel and optionally a depth. Depth is used as its inverse: the error of structured light and of
+/// stereo is uniform in disparity, which is proportional to 1/z.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measurement {
     /// Undistorted pixel.
@@ -36,7 +36,7 @@ pub struct Measurement {
     pub pixel_weight: f64,
     /// 1 / depth, 1/m.
     pub inverse_depth: f64,
-    /// 1 / variance of the inverse depth, m^2; 0 when there is no depth.
+    /// 1 / variance of the inverse depth, m^2; 0 without depth.
     pub inverse_depth_weight: f64,
 }
 
@@ -56,13 +56,13 @@ impl Measurement {
         }
     }
 
-    /// True when there is a depth.
+    /// Whether there is a depth.
     #[must_use]
     pub fn has_depth(&self) -> bool {
         self.inverse_depth_weight > 0.0
     }
 
-    /// True when every number is finite and both weights are possible.
+    /// Whether all numbers are finite and both weights valid.
     pub(crate) fn is_sound(&self) -> bool {
         (self.pixel.sum() + self.inverse_depth).is_finite()
             && (self.pixel_weight + self.inverse_depth_weight).is_finite()
@@ -80,7 +80,8 @@ impl Measurement {
         }
     }
 
-    /// Squared Mahalanobis distance to the prediction from a point in camera coordinates (m); infinite behind the camera.
+    /// Squared Mahalanobis distance to the prediction from a point in camera coordinates (m); infinite behind the
+    /// camera.
     #[must_use]
     pub fn chi2(&self, k: &Intrinsics, p: &Vec3) -> f64 {
         if p.z <= 1e-3 {

@@ -1,10 +1,10 @@
-//! In which order the unknowns of a sparse system are eliminated, so that its Cholesky factor stays sparse.
+//! Elimination order for sparse Cholesky factorisation.
 
 use std::collections::BTreeSet;
 
-/// The elimination order (variable at each position) by approximate minimum degree (Amestoy, Davis, Duff, "An approximate minimum
-/// degree ordering algorithm", SIAM J. Matrix Anal. Appl. 17(4), 1996), on the quotient graph, without its
-/// supervariables. Of equal degrees the lower number goes first.
+/// The elimination order (variable at each position) by approximate minimum degree (Amestoy, Davis, Duff, "An
+/// approximate minimum degree ordering algorithm", SIAM J. Matrix Anal. Appl. 17(4), 1996), on the quotient graph,
+/// without supervariables. Ties go to the lower number.
 ///
 /// `neighbours[v]` lists the variables that share a nonzero with `v`, symmetric, without `v`.
 pub(crate) fn minimum_degree(neighbours: Vec<Vec<u32>>) -> Vec<u32> {
@@ -18,19 +18,18 @@ pub(crate) fn minimum_degree(neighbours: Vec<Vec<u32>>) -> Vec<u32> {
     order
 }
 
-/// What is left to eliminate. An eliminated variable becomes an element: a clique of the variables that it tied together.
+/// The remaining graph. An eliminated variable becomes an element: a clique of the variables that it connected.
 struct Quotient {
-    /// Per variable: variables that it shares an original entry with, as far as no element says so.
+    /// Per variable: variables with a shared original entry not covered by an element.
     variables: Vec<Vec<u32>>,
-    /// Per variable: the elements it belongs to.
     elements: Vec<Vec<u32>>,
-    /// Per element: its variables. Emptied when another element holds them all.
+    /// Per element: its variables. Emptied when another element contains them all.
     members: Vec<Vec<u32>>,
     degree: Vec<u32>,
     queue: BTreeSet<(u32, u32)>,
-    /// Marks of the present step: `mark[v] == step`.
+    /// Marks of the current step: `mark[v] == step`.
     mark: Vec<u32>,
-    /// Per element: how many of its variables are not in the new one, and the step for which that was counted.
+    /// Per element: number of its variables outside the new one, and the step of that count.
     outside: Vec<(u32, u32)>,
 }
 
@@ -66,7 +65,7 @@ impl Quotient {
         self.members[pivot as usize] = clique;
     }
 
-    /// The variables that the pivot ties together: its own neighbours and those in its elements, which it replaces.
+    /// The variables that the pivot connects: its neighbours and those in its elements, which it replaces.
     fn absorb(&mut self, pivot: u32) -> Vec<u32> {
         self.mark[pivot as usize] = pivot;
         let mut clique = std::mem::take(&mut self.variables[pivot as usize]);
@@ -84,7 +83,7 @@ impl Quotient {
         clique
     }
 
-    /// For each element that meets the clique, how many of its variables are outside.
+    /// For each element that meets the clique, counts its variables outside.
     fn count_outside(&mut self, pivot: u32, clique: &[u32]) {
         for &v in clique {
             for &e in &self.elements[v as usize] {
@@ -98,7 +97,7 @@ impl Quotient {
         }
     }
 
-    /// Takes over the new element in the lists of `v` and returns a bound of its degree.
+    /// Replaces the elements of `v` by the new one and returns an upper bound of its degree.
     fn update(&mut self, pivot: u32, v: u32, clique: u32) -> u32 {
         let mark = &self.mark;
         let direct = &mut self.variables[v as usize];
@@ -106,7 +105,7 @@ impl Quotient {
         let mut degree = direct.len() as u32 + clique - 1;
         let (outside, members) = (&self.outside, &self.members);
         self.elements[v as usize].retain(|e| {
-            // An absorbed element is empty; one without a variable of its own says nothing that the new one does not.
+            // Drops absorbed elements, which are empty, and those covered by the new one.
             let beyond = outside[*e as usize].0;
             let keep = !members[*e as usize].is_empty() && beyond > 0;
             degree += if keep { beyond } else { 0 };
@@ -136,7 +135,7 @@ mod tests {
         neighbours
     }
 
-    /// Entries below the diagonal of the factor, by elimination as it is defined.
+    /// Entries below the diagonal of the factor, by naive elimination.
     fn fill(count: usize, neighbours: &[Vec<u32>], order: &[u32]) -> usize {
         let mut left: Vec<BTreeSet<u32>> = neighbours
             .iter()
@@ -156,7 +155,7 @@ mod tests {
     }
 
     proptest! {
-        /// Every variable once, and never much more fill than eliminating by the exact degree.
+        /// Every variable once, and never much more fill than with the exact degree.
         #[test]
         fn an_order_is_a_permutation(count in 1usize..60, seed in any::<u64>(), per in 0usize..4) {
             let random = &mut rng(seed, 0, Purpose(1000));
@@ -173,7 +172,7 @@ mod tests {
         }
     }
 
-    /// A star eliminated from its middle is full; a chain and a star have orders without any fill.
+    /// A star eliminated from its centre fills in; chains and stars have orders without fill.
     #[test]
     fn trees_do_not_fill() {
         let star = symmetric(50, &(1..50).map(|i| (0, i)).collect::<Vec<_>>());

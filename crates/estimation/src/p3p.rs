@@ -1,15 +1,16 @@
-//! The pose of a camera from three points and the directions in which it sees them.
+//! Camera pose from three points and their viewing directions.
 
 use crate::linear::{adjugate, cubic_roots, determinant_cubic, quadratic_roots};
 use stillpoint_geometry::{Mat3, Se3, Vec3};
 
 /// All poses `camera_from_world` (up to four) in which a camera sees three world points (m) in three directions (camera
-/// coordinates, any length). Empty when the points are on a line, directions coincide or no pose exists.
+/// coordinates, any length). Empty if the points are collinear, directions coincide or no pose exists.
 ///
 /// With depths l_i along unit directions b_i, the law of cosines gives three quadrics `l^T M_ij l = |p_i - p_j|^2`. Two
 /// combinations D1, D2 of them have no constant; a root of `det(D1 + g D2)` makes their pencil a pair of planes
-/// (Persson, Nordberg, "Lambda Twist", ECCV 2018, section 3.1), which are taken apart as a degenerate conic (Ding et al.,
-/// "Revisiting the P3P problem", CVPR 2023), cut with the other quadric, and the depths refined by Gauss-Newton.
+/// (Persson, Nordberg, "Lambda Twist", ECCV 2018, section 3.1), which are separated as a degenerate conic (Ding et al.,
+/// "Revisiting the P3P problem", CVPR 2023), intersected with the other quadric, and the depths refined by
+/// Gauss-Newton.
 #[must_use]
 pub fn p3p(points: [Vec3; 3], bearings: [Vec3; 3]) -> Vec<Se3> {
     let mut poses = Vec::with_capacity(4);
@@ -17,7 +18,7 @@ pub fn p3p(points: [Vec3; 3], bearings: [Vec3; 3]) -> Vec<Se3> {
     poses
 }
 
-/// Adds the poses of [`p3p`] to `poses`, which are none yet.
+/// Appends the poses of [`p3p`] to the empty list `poses`.
 pub(crate) fn p3p_into(points: [Vec3; 3], bearings: [Vec3; 3], poses: &mut Vec<Se3>) {
     let Some(problem) = Problem::new(&points, &bearings) else {
         return;
@@ -38,7 +39,7 @@ pub(crate) fn p3p_into(points: [Vec3; 3], bearings: [Vec3; 3], poses: &mut Vec<S
     }
 }
 
-/// Equal but for rounding: a double root appears twice.
+/// Equal up to rounding: a double root appears twice.
 fn same(a: &Se3, b: &Se3) -> bool {
     let size = 1.0 + a.translation.norm();
     (a.translation - b.translation).norm() < 1e-9 * size
@@ -88,7 +89,8 @@ impl Problem {
         })
     }
 
-    /// The two planes `n^T l = 0` of the most clearly degenerate member of the pencil, and the quadric to cut them with.
+    /// The two planes `n^T l = 0` of the most clearly degenerate member of the pencil, and the quadric to intersect
+    /// them with.
     fn planes(&self) -> [Option<(Vec3, Mat3)>; 2] {
         let mut best: Option<(f64, Mat3, Mat3)> = None;
         for g in cubic_roots(determinant_cubic(&self.d2, &self.d1)).as_slice() {
@@ -123,7 +125,8 @@ impl Problem {
         [Some((row, other)), Some((column, other))]
     }
 
-    /// Where a plane through the origin meets a quadric: up to two rays of positive depths, scaled to the distances.
+    /// Intersection of a plane through the origin with a quadric: up to two rays of positive depths, scaled to the
+    /// distances.
     fn cut(&self, (normal, quadric): &(Vec3, Mat3)) -> [Option<Vec3>; 2] {
         let n = normal / normal.norm();
         if n.iter().any(|v| !v.is_finite()) {
@@ -139,7 +142,7 @@ impl Problem {
             2.0 * u.dot(&(quadric * v)),
             v.dot(&(quadric * v)),
         ];
-        // l = u + t v, or v + t u when that keeps t small.
+        // l = u + t v, or v + t u if that keeps t small.
         let swap = q[2].abs() < q[0].abs();
         let (c, first, second) = if swap {
             ([q[2], q[1], q[0]], v, u)
@@ -153,7 +156,7 @@ impl Problem {
         found
     }
 
-    /// The multiple of `l` with the right distances; `None` when depths differ in sign.
+    /// The multiple of `l` with the right distances; `None` if depths differ in sign.
     fn scaled(&self, l: Vec3) -> Option<Vec3> {
         let form = |i: usize, k: usize, c: f64| l[i] * l[i] + l[k] * l[k] - 2.0 * c * l[i] * l[k];
         let [c12, c13, c23] = self.cos;
@@ -164,9 +167,8 @@ impl Problem {
         l.iter().all(|v| *v > 0.0 && v.is_finite()).then_some(l)
     }
 
-    /// Gauss-Newton on the three laws of cosines; the depths in m. `None` when they cannot be met.
+    /// Gauss-Newton on the three laws of cosines; returns depths in m, or `None` if there is no solution.
     fn refine(&self, mut l: Vec3) -> Option<Vec3> {
-        /// The three pairs of three points.
         const PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
         let residual = |l: &Vec3| {
             Vec3::from_fn(|row, _| {
@@ -197,8 +199,8 @@ impl Problem {
     }
 }
 
-/// The motion `target_from_source` between two triangles of equal sides: of their plane, first side and mean. `None` when
-/// one is a line.
+/// The motion `target_from_source` between two triangles of equal sides, from their plane, first side and centroid.
+/// `None` if one is degenerate.
 pub(crate) fn align_triangles(source: &[Vec3; 3], target: &[Vec3; 3]) -> Option<Se3> {
     let frame = |p: &[Vec3; 3]| {
         let (a, b) = (p[1] - p[0], p[2] - p[0]);

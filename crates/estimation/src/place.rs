@@ -1,9 +1,9 @@
-//! A place that is known from elsewhere: where one frame sees a point of another.
+//! Prior on the position of a point between two frames.
 
 use stillpoint_geometry::{Mat3, Se3, Vec3};
 
-/// Where frame B is expected to see a point of frame A, and how well that is known: one measurement more of a motion `b_from_a`. With the origin of A it says
-/// how far B is from A; with a point that B is expected to be at, and the origin of B, where B is in A.
+/// Expected position in frame B of a point of frame A, as an additional measurement of a motion `b_from_a`. With the
+/// origin of A it constrains the distance of A from B; with the origin of B, the position of B in A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KnownPlace {
     /// The point in coordinates of A, m.
@@ -15,7 +15,7 @@ pub struct KnownPlace {
 }
 
 impl KnownPlace {
-    /// What is missing from where a motion brings the point to where it is expected, m, and where it brings it, m.
+    /// Expected minus predicted position, m, and the predicted position, m.
     pub(crate) fn offset(&self, b_from_a: &Se3) -> (Vec3, Vec3) {
         let seen = b_from_a.transform(&self.in_a);
         (self.in_b - seen, seen)

@@ -1,33 +1,33 @@
-//! Pose-only optimisation: the camera's pose from measurements of known points.
+//! Pose-only optimisation from measurements of known points.
 
 use crate::linearise::linearise;
 use crate::{Intrinsics, KnownPlace, KnownTurn, Measurement};
 use stillpoint_geometry::nalgebra::Matrix3x6;
 use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3, Vec6, robust, so3};
 
-/// A measurement of a point whose world position is known.
+/// A measurement of a point with known world position.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseObservation {
     /// World position, m.
     pub point: Vec3,
-    /// What was measured.
+    /// The measurement.
     pub measurement: Measurement,
 }
 
 /// Effort of pose optimisation.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseOptions {
-    /// Rounds; after each one all observations are tested against the gate again.
+    /// Rounds; after each all observations are tested against the gate again.
     pub rounds: usize,
-    /// Rounds at the end in which the robust kernel is off.
+    /// Final rounds without the robust kernel.
     pub plain_rounds: usize,
-    /// Iterations per round, at most.
+    /// Maximum number of iterations per round.
     pub iterations: usize,
-    /// Factor on the squared chi-square gates (95 %); 1 for measurements whose noise is known.
+    /// Factor on the squared chi-square gates (95 %); 1 for measurements with known noise.
     pub gate_scale: f64,
-    /// The rotation, and the translation, where they are known from elsewhere: a measurement more. Their gates are not asked.
+    /// Known rotation and optionally translation, as an additional measurement. Its gates are not applied.
     pub turn: Option<KnownTurn>,
-    /// Where the camera is, as far as that is known from elsewhere: a measurement more.
+    /// Known position of the camera, as an additional measurement.
     pub place: Option<KnownPlace>,
 }
 
@@ -55,15 +55,15 @@ pub struct PoseEstimate {
     /// Number of inliers.
     pub inlier_count: usize,
     /// Sum over inliers of `J^T W J` at the final pose, for a left perturbation `[translation; rotation]` of
-    /// `camera_from_world`: the inverse of its covariance, as far as the measurements and [`PoseOptions::turn`] tell.
+    /// `camera_from_world`: the inverse covariance from the measurements and [`PoseOptions::turn`].
     pub information: Mat6,
-    /// Mean over the pixel coordinates of inliers at the final pose: squared residual by the variance that was stated for it. 1 where that is right, somewhat less
-    /// after gating; 0 without inliers.
+    /// Mean squared residual of the inliers' pixel coordinates relative to their stated variance. 1 if that is right,
+    /// slightly less after gating; 0 without inliers.
     pub pixel_variance: f64,
 }
 
-/// Finds the pose `camera_from_world` that minimises the sum of squared Mahalanobis residuals of pixel and inverse depth,
-/// with the Huber kernel in the first rounds and outliers taken out between rounds (Levenberg-Marquardt on SE(3)).
+/// Finds the pose `camera_from_world` that minimises the sum of squared Mahalanobis residuals of pixel and inverse
+/// depth, with the Huber kernel in the first rounds and outlier removal between rounds (Levenberg-Marquardt on SE(3)).
 ///
 /// With fewer than three observations the initial pose is returned with no inliers.
 #[must_use]
@@ -76,7 +76,7 @@ pub fn optimise_pose(
     optimise_pose_in(Vec::new(), camera, initial, observations, options)
 }
 
-/// As [`optimise_pose`], with `memory` for [`PoseEstimate::inliers`]; what it holds does not matter.
+/// As [`optimise_pose`], reusing `memory` for [`PoseEstimate::inliers`].
 #[must_use]
 pub fn optimise_pose_in(
     memory: Vec<bool>,
@@ -100,19 +100,19 @@ pub fn optimise_pose_in(
     let mut inlier_count = 0;
     if observations.len() >= 3 {
         for round in 0..options.rounds {
-            // Once outliers are out, nothing is left that the kernel would have to hold down.
+            // Without outliers the kernel is unnecessary.
             let robust = round + options.plain_rounds < options.rounds;
             pose = problem.minimise(pose, robust, options.iterations);
             let (changed, count) = problem.classify(&pose);
             inlier_count = count;
-            // The same inliers without a kernel have the same minimum: another round would not move it.
+            // With unchanged inliers and no kernel the minimum is unchanged.
             if count < 3 || (!changed && !robust) {
                 break;
             }
         }
     }
     if inlier_count < 3 {
-        // Fewer than three points leave the pose open, so none of them confirms it.
+        // Fewer than three points do not determine the pose.
         problem.active.fill(false);
         inlier_count = 0;
     }
@@ -137,7 +137,6 @@ struct Problem<'a> {
     place: Option<KnownPlace>,
 }
 
-/// Normal equations and cost at a pose.
 struct Normal {
     h: Mat6,
     b: Vec6,
@@ -152,7 +151,7 @@ impl Problem<'_> {
         for _ in 0..iterations {
             let mut h = normal.h;
             for i in 0..6 {
-                // The absolute part is for directions that no observation constrains.
+                // The absolute term is for unconstrained directions.
                 h[(i, i)] += lambda * h[(i, i)] + 1e-12;
             }
             let Some(step) = h.cholesky().map(|c| c.solve(&normal.b)) else {
@@ -189,7 +188,7 @@ impl Problem<'_> {
             let p = transform(&r, &t, &o.point);
             let gate = o.measurement.gate() * self.gate_scale;
             if p.z <= 1e-3 {
-                // A point behind the camera costs what the farthest inlier costs and does not pull.
+                // A point behind the camera costs as much as a point at the gate, and has no gradient.
                 sums.cost += gate;
                 continue;
             }
@@ -228,7 +227,6 @@ impl Problem<'_> {
         sums.finish()
     }
 
-    /// See [`PoseEstimate::pixel_variance`].
     fn pixel_variance(&self, pose: &Se3) -> f64 {
         let (r, t) = (pose.rotation_matrix(), pose.translation);
         let (mut sum, mut count) = (0.0, 0.0);
@@ -244,7 +242,7 @@ impl Problem<'_> {
         sum / f64::max(count, 1.0)
     }
 
-    /// Tests every observation against its gate; returns whether any changed sides and how many are inliers.
+    /// Tests every observation against its gate; returns whether any changed, and the number of inliers.
     fn classify(&mut self, pose: &Se3) -> (bool, usize) {
         let (r, t) = (pose.rotation_matrix(), pose.translation);
         let (mut changed, mut count) = (false, 0);
@@ -270,7 +268,7 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds a row `j` of the Jacobian, which is zero except at these places, ascending.
+    /// Adds a row `j` of the Jacobian, which is nonzero only at these indices, ascending.
     #[inline(always)]
     fn add<const N: usize>(&mut self, places: [usize; N], j: &[f64; 6], e: f64, w: f64) {
         for (k, &row) in places.iter().enumerate() {
@@ -282,7 +280,6 @@ impl Sums {
         }
     }
 
-    /// Adds that the rotation is known, and where it is the translation.
     fn add_turn(&mut self, turn: &KnownTurn, pose: &Se3) {
         let weight = 1.0 / (turn.sigma * turn.sigma);
         let offset = turn.offset(pose);
@@ -302,7 +299,6 @@ impl Sums {
         }
     }
 
-    /// Adds that a place is known.
     fn add_place(&mut self, place: &KnownPlace, pose: &Se3) {
         let (offset, seen) = place.offset(pose);
         let mut by_pose = Matrix3x6::zeros();

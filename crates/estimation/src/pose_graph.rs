@@ -1,6 +1,4 @@
-//! Pose graph optimisation: many poses, tied by relative motions, some of which may be wrong.
-//!
-//! Answers: which poses explain the measured motions best, and which motions do not fit. Knows neither points nor pixels.
+//! Pose graph optimisation: poses connected by relative motions, some of which may be wrong.
 
 mod graduated;
 mod system;
@@ -10,28 +8,29 @@ use stillpoint_geometry::{Mat6, Se3};
 /// A measured motion between two poses.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseGraphEdge {
-    /// Index of the pose whose coordinates the motion ends in.
+    /// Index of the pose whose coordinates the motion maps to.
     pub a: u32,
-    /// Index of the pose whose coordinates it starts from.
+    /// Index of the pose whose coordinates it maps from.
     pub b: u32,
     /// The measured motion.
     pub a_from_b: Se3,
-    /// Its inverse covariance, for a left perturbation `[translation; rotation]` of `a_from_b` (1/m^2, 1/rad^2): what
-    /// [`optimise_pose`](crate::optimise_pose) and [`find_rigid`](crate::find_rigid) report. Symmetric, positive semidefinite.
+    /// Its inverse covariance, for a left perturbation `[translation; rotation]` of `a_from_b` (1/m^2, 1/rad^2), as
+    /// [`optimise_pose`](crate::optimise_pose) and [`find_rigid`](crate::find_rigid) return. Symmetric, positive
+    /// semidefinite.
     pub information: Mat6,
-    /// How far it is believed.
+    /// Robust kernel.
     pub kernel: EdgeKernel,
 }
 
-/// What a squared Mahalanobis residual of an edge costs.
+/// Cost of a squared Mahalanobis residual of an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EdgeKernel {
-    /// Itself: the edge is right.
+    /// Quadratic: the edge is right.
     Square,
-    /// Grows like the residual beyond the gate (Huber 1964): the edge may be poor, but it is no mistake.
+    /// Grows linearly beyond the gate (Huber 1964): the edge may be poor, but is no mistake.
     Huber,
-    /// Tends to three gates, as dynamic covariance scaling does (Agarwal et al., "Robust map optimization using dynamic
-    /// covariance scaling", ICRA 2013): the edge may be wrong altogether, and then has no say. For loops.
+    /// Saturates at three gates, as dynamic covariance scaling does (Agarwal et al., "Robust map optimization using
+    /// dynamic covariance scaling", ICRA 2013): the edge may be entirely wrong, and then has no influence. For loops.
     Scaled,
 }
 
@@ -40,7 +39,7 @@ pub enum EdgeKernel {
 pub struct PoseGraph {
     /// Poses `world_from_camera`; changed in place.
     pub nodes: Vec<Se3>,
-    /// Per pose: held as it is.
+    /// Per pose: fixed.
     pub fixed: Vec<bool>,
     /// Measured motions.
     pub edges: Vec<PoseGraphEdge>,
@@ -49,13 +48,14 @@ pub struct PoseGraph {
 /// Effort and kernel of pose graph optimisation.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseGraphOptions {
-    /// Iterations in all, at most: each one builds and solves a linear system at least once.
+    /// Maximum total number of iterations, each with at least one linear system.
     pub max_iterations: usize,
     /// Squared gate of the kernels. The default is the 95 % quantile of chi-square with 6 degrees of freedom.
     pub gate: f64,
-    /// Factor between the gates of two stages, at least 1.25 (1 or less: no stages): edges with [`EdgeKernel::Scaled`] are first believed as far as they
-    /// are from the initial poses, then their gate shrinks by this factor from stage to stage down to `gate` (graduated
-    /// non-convexity: Yang et al., RA-L 2020). Without that a good loop at the end of a long drift would be refused.
+    /// Factor between the gates of two stages, at least 1.25 (1 or less: no stages): the gate of edges with
+    /// [`EdgeKernel::Scaled`] starts at their initial residual and shrinks by this factor from stage to stage down to
+    /// `gate` (graduated non-convexity: Yang et al., RA-L 2020). Otherwise a good loop after a large drift would be
+    /// rejected.
     pub graduation: f64,
     /// Stops when the cost falls by less than this share.
     pub min_relative_gain: f64,
@@ -78,13 +78,13 @@ impl Default for PoseGraphOptions {
 /// How pose graph optimisation ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PoseGraphOutcome {
-    /// No step makes it better by more than the least gain.
+    /// No step gains more than the minimum gain.
     Converged,
-    /// `max_iterations` were spent before that; the poses are better than they were, or the same.
+    /// `max_iterations` were used up; the poses are no worse than before.
     IterationLimit,
     /// All poses are fixed or there are no edges.
     NothingFree,
-    /// The input has no meaning; nothing was changed.
+    /// The input is invalid; nothing was changed.
     Refused(PoseGraphRefusal),
 }
 
@@ -93,19 +93,19 @@ pub enum PoseGraphOutcome {
 pub enum PoseGraphRefusal {
     /// `nodes` and `fixed` differ in length.
     LengthsDiffer,
-    /// A pose holds a number that is not finite.
+    /// A pose is not finite.
     Node(u32),
-    /// An edge names a pose that does not exist or one pose twice, holds a number that is not finite, an information matrix that
-    /// is not symmetric and positive semidefinite, or is so far from the poses that its residual overflows.
+    /// An edge refers to a missing pose or twice to one pose, is not finite, has an information matrix that is not
+    /// symmetric and positive semidefinite, or a residual that overflows.
     Edge(u32),
 }
 
-/// What became of an edge.
+/// Fit of an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EdgeFit {
     /// Squared Mahalanobis residual at the end.
     pub chi2: f64,
-    /// Weight that the kernel left it, 0 to 1; a loop with a weight near 0 contradicts the rest.
+    /// Weight left by the kernel, 0 to 1; a loop with a weight near 0 contradicts the rest.
     pub weight: f64,
 }
 
@@ -120,11 +120,11 @@ pub struct PoseGraphReport {
     pub initial_cost: f64,
     /// Robust cost at the end.
     pub final_cost: f64,
-    /// Per edge, in the order of the input; empty when refused.
+    /// Per edge, in the order of the input; empty if refused.
     pub edges: Vec<EdgeFit>,
-    /// Poses that were held although they are not fixed: the first one of each part of the graph that has no fixed pose.
+    /// Poses that were held although not fixed: the first one of each component without a fixed pose.
     pub held: Vec<u32>,
-    /// Blocks (6x6) of the Cholesky factor: its memory is 288 bytes each.
+    /// 6x6 blocks of the Cholesky factor, 288 bytes each.
     pub factor_blocks: usize,
 }
 
@@ -142,11 +142,11 @@ impl PoseGraphReport {
     }
 }
 
-/// Minimises over the free poses `T` the sum of `rho(e^T Omega e)` with `e = log(T_a^-1 T_b z^-1)` for each measured motion `z`,
-/// by Levenberg-Marquardt with exact Jacobians (Grisetti et al., "A tutorial on graph-based SLAM", 2010; algorithm.md,
-/// equations L1 to L4) and a sparse Cholesky factorisation.
+/// Minimises over the free poses `T` the sum of `rho(e^T Omega e)` with `e = log(T_a^-1 T_b z^-1)` for each measured
+/// motion `z`, by Levenberg-Marquardt with exact Jacobians (Grisetti et al., "A tutorial on graph-based SLAM", 2010;
+/// algorithm.md, equations L1 to L4) and a sparse Cholesky factorisation.
 ///
-/// A part of the graph without a fixed pose is held at its first one, so a graph need not be connected.
+/// Components without a fixed pose are held at their first one, so a graph need not be connected.
 #[must_use]
 pub fn optimise_pose_graph(graph: &mut PoseGraph, options: &PoseGraphOptions) -> PoseGraphReport {
     if let Some(refusal) = refusal(graph) {
@@ -177,7 +177,7 @@ fn refusal(graph: &PoseGraph) -> Option<PoseGraphRefusal> {
     bad.map(|i| PoseGraphRefusal::Edge(i as u32))
 }
 
-/// Finite, with a quaternion that is a rotation.
+/// Finite, with a unit quaternion.
 fn is_pose(p: &Se3) -> bool {
     p.is_finite() && (p.rotation.coords.norm() - 1.0).abs() < 1e-3
 }
@@ -190,12 +190,12 @@ fn is_information(m: &Mat6) -> bool {
     if trace == 0.0 {
         return m.amax() == 0.0;
     }
-    // What is positive semidefinite up to rounding is definite with a little more on its diagonal.
+    // A matrix that is positive semidefinite up to rounding becomes definite with a slightly larger diagonal.
     let lifted = m / trace + Mat6::identity() * 1e-9;
     (m - m.transpose()).amax() <= 1e-9 * trace && lifted.cholesky().is_some()
 }
 
-/// The poses that are held beyond the fixed ones, and for each pose whether it stays.
+/// Additional poses to hold, and for each pose whether it is fixed or held.
 fn gauge(graph: &PoseGraph) -> (Vec<u32>, Vec<bool>) {
     let mut root: Vec<u32> = (0..graph.nodes.len() as u32).collect();
     fn find(root: &mut [u32], mut v: u32) -> u32 {
@@ -207,7 +207,7 @@ fn gauge(graph: &PoseGraph) -> (Vec<u32>, Vec<bool>) {
     }
     for e in &graph.edges {
         let (a, b) = (find(&mut root, e.a), find(&mut root, e.b));
-        // The lower number is the root, so the root of a part is its first pose.
+        // The lower number becomes the root, so a component's root is its first pose.
         root[a.max(b) as usize] = a.min(b);
     }
     let mut anchored = vec![false; graph.nodes.len()];

@@ -1,4 +1,4 @@
-//! The reduced system of the poses in bundle adjustment, for windows of any size.
+//! The reduced pose system of bundle adjustment, for any number of poses.
 
 use crate::BundleProblem;
 use crate::gradients;
@@ -6,25 +6,23 @@ use crate::schur::{System, across, subtract_product, times};
 use crate::sparse::{Block, Pattern};
 use stillpoint_geometry::{Mat3, Vec6};
 
-/// Free poses up to which the reduced system is solved as one dense matrix: in a local window nearly every pose shares points with every other one,
-/// and it has at most so many (decision 11).
+/// Number of free poses up to which the reduced system is dense: in a local window, which is at most this large, nearly
+/// all poses have points in common (decision 11).
 pub(crate) const DENSE_POSES: usize = 100;
 
-/// How the reduced system is solved.
 pub(crate) enum Method {
-    /// As one dense matrix.
+    /// Dense.
     Dense,
-    /// By a sparse Cholesky factorisation.
+    /// Sparse Cholesky factorisation.
     Factor(Pattern),
-    /// By conjugate gradients: poses share points with so many others that the factor would be nearly full.
+    /// Conjugate gradients, where the factor would be nearly full.
     Iterate(Pattern),
 }
 
-/// The method and what it costs; settled once for a set of active observations, because they alone decide which poses share
-/// points.
+/// Solver and its cost, which depend only on the active observations.
 pub(crate) struct Plan {
     pub(crate) method: Method,
-    /// Effort of one solution, in products of two 6x6 blocks.
+    /// Cost of one solution, in products of two 6x6 blocks.
     pub(crate) work: u64,
 }
 
@@ -62,7 +60,6 @@ impl Plan {
         }
     }
 
-    /// Blocks of the matrix that is held.
     pub(crate) fn blocks(&self, free: usize) -> usize {
         match &self.method {
             Method::Dense => free * (free + 1) / 2,
@@ -114,7 +111,7 @@ impl Observers {
     }
 }
 
-/// The damped reduced system by a sparse factorisation; `None` when it is not positive definite.
+/// Solves the damped reduced system by sparse factorisation; `None` if it is not positive definite.
 pub(crate) fn solve_by_factor(
     system: &System,
     pattern: &Pattern,
@@ -125,7 +122,7 @@ pub(crate) fn solve_by_factor(
     finite(pattern.factor(values)?.solve(&rhs))
 }
 
-/// The damped reduced system by conjugate gradients; `None` when it is not positive definite.
+/// Solves the damped reduced system by conjugate gradients; `None` if it is not positive definite.
 pub(crate) fn solve_by_gradients(
     system: &System,
     pattern: &Pattern,
@@ -152,7 +149,7 @@ fn reduce(
     let mut values: Vec<Block> = vec![[[0.0; 6]; 6]; pattern.blocks()];
     let mut rhs = system.pose_b.clone();
     let mut slot = vec![0_u32; pattern.count()];
-    // Column by column, so that the blocks at work are few and are found without a search.
+    // Column by column, to keep the working set small and avoid searching for blocks.
     for k in 0..pattern.count() {
         let (first, rows) = pattern.column(k);
         for (offset, row) in rows.iter().enumerate() {

@@ -1,7 +1,6 @@
-//! The motion between two cameras that both know their points in three dimensions, among wrong correspondences.
+//! The rigid motion between two cameras with known 3D points, among wrong correspondences.
 //!
-//! Answers: which rigid motion most pairs agree on in both images, which pairs those are, and how well they determine it.
-//! Verifies loop candidates, so it would rather say no.
+//! Verifies loop candidates, so it is conservative.
 
 mod fit;
 
@@ -12,16 +11,16 @@ use crate::{Intrinsics, Measurement};
 use fit::Fit;
 use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3, align_umeyama};
 
-/// One thing that both cameras see.
+/// A point seen by both cameras.
 #[derive(Clone, Copy, Debug)]
 pub struct RigidPair {
     /// Its position in the coordinates of camera A, m: measured there, or that of a landmark.
     pub point_a: Vec3,
     /// Its position in the coordinates of camera B, m.
     pub point_b: Vec3,
-    /// What A measured of it.
+    /// Measurement in A.
     pub measurement_a: Measurement,
-    /// What B measured of it.
+    /// Measurement in B.
     pub measurement_b: Measurement,
 }
 
@@ -30,16 +29,16 @@ pub struct RigidPair {
 pub struct RigidOptions {
     /// Probability of drawing at least one sample without outliers, 0 to 1.
     pub confidence: f64,
-    /// Least number of samples.
+    /// Minimum number of samples.
     pub min_iterations: usize,
-    /// Largest number of samples. The default finds a tenth of inliers with 98 %.
+    /// Maximum number of samples. The default finds a tenth of inliers with 98 %.
     pub max_iterations: usize,
-    /// Factor on the squared chi-square gates (95 %) of the measurements. 2 when the points are single measurements themselves:
-    /// a residual has the noise of both ends then.
+    /// Factor on the squared chi-square gates (95 %) of the measurements. 2 if the points are single measurements
+    /// themselves, since residuals then have the noise of both ends.
     pub gate_scale: f64,
-    /// Least number of inliers.
+    /// Minimum number of inliers.
     pub min_inliers: usize,
-    /// Least height of the triangle of a sample, and least spread of the inliers across the line that fits them best, m.
+    /// Minimum height of the triangle of a sample, and minimum spread of the inliers across their best-fitting line, m.
     pub min_extent_m: f64,
 }
 
@@ -56,7 +55,7 @@ impl Default for RigidOptions {
     }
 }
 
-/// A rigid motion that was found.
+/// An estimated rigid motion.
 #[derive(Clone, Debug)]
 pub struct RigidEstimate {
     /// Maps coordinates of camera A to those of camera B.
@@ -69,38 +68,38 @@ pub struct RigidEstimate {
     pub iterations: usize,
     /// Inverse covariance of the motion, for a left perturbation `[translation; rotation]` of `b_from_a`.
     pub information: Mat6,
-    /// How much larger the variance is than the measurements' own say, at least 1; `information` is divided by it. About 4 when
-    /// the points are single measurements, whose errors both images share.
+    /// Factor of the variance over that stated by the measurements, at least 1; `information` is divided by it. About 4
+    /// if the points are single measurements, whose errors both images share.
     pub variance_factor: f64,
 }
 
-/// What became of the search for a rigid motion.
+/// Result of the search for a rigid motion.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // There is one per candidate, and none is kept.
 pub enum RigidOutcome {
-    /// There is one.
+    /// A motion was found.
     Found(RigidEstimate),
-    /// There are fewer pairs with finite numbers, in front of both cameras, than inliers are asked for.
+    /// Fewer finite pairs in front of both cameras than the required number of inliers.
     TooFewPairs {
-        /// How many there are.
+        /// Number of usable pairs.
         usable: usize,
     },
     /// No motion has enough inliers.
     NoConsensus {
-        /// The most inliers that a motion had.
+        /// Maximum number of inliers of a motion.
         inliers: usize,
         /// Samples drawn.
         iterations: usize,
     },
-    /// Enough pairs agree, but they are nearly on a line or in one place and leave the motion open.
+    /// The inliers are nearly collinear or coincident and do not determine a motion.
     Degenerate {
-        /// How many agree.
+        /// Number of inliers.
         inliers: usize,
     },
 }
 
 impl RigidOutcome {
-    /// The motion, if there is one.
+    /// The motion, if one was found.
     #[must_use]
     pub fn found(&self) -> Option<&RigidEstimate> {
         match self {
@@ -110,9 +109,9 @@ impl RigidOutcome {
     }
 }
 
-/// Finds the motion `b_from_a` that most pairs agree on: a pair agrees when its point of A falls within the gate of B's
-/// measurement and the other way round. Samples of three pairs are aligned (Umeyama 1991); each new best one is refined at once
-/// on all pairs near it (LO-RANSAC: Chum, Matas, Kittler, DAGM 2003); the winner minimises the residuals in both images
+/// Estimates the motion `b_from_a` with most inliers: pairs whose point of A falls within the gate of B's measurement
+/// and vice versa. Samples of three pairs are aligned (Umeyama 1991); each new best one is refined at once on all pairs
+/// near it (LO-RANSAC: Chum, Matas, Kittler, DAGM 2003); the winner minimises the residuals in both images
 /// (algorithm.md, equations L5 to L7).
 #[must_use]
 pub fn find_rigid(
@@ -158,7 +157,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Draws samples until a better motion has become improbable; returns how many.
+    /// Draws samples until a better motion has become improbable; returns their number.
     fn sample(&mut self, mut rng: Rng) -> usize {
         let o = self.options;
         let range = (o.min_iterations.max(1), o.max_iterations.max(1));
@@ -186,14 +185,14 @@ impl Search<'_> {
         iterations
     }
 
-    /// The motion of three pairs; `None` when they are too close to a line or differ in shape.
+    /// The motion of three pairs; `None` if they are nearly collinear or differ in shape.
     fn solve(&self, chosen: [usize; 3]) -> Option<Se3> {
         let sample = chosen.map(|i| &self.fit.pairs[i]);
         let (a, b) = (sample.map(|p| p.point_a), sample.map(|p| p.point_b));
         if height(&a).min(height(&b)) < self.options.min_extent_m {
             return None;
         }
-        // Sides that differ by more than their noise belong to no rigid body.
+        // Sides must agree within their noise.
         let sigma = sample.map(|p| self.fit.sigma_m(p));
         for (i, k) in [(0, 1), (0, 2), (1, 2)] {
             let differs = ((a[i] - a[k]).norm() - (b[i] - b[k]).norm()).abs();
@@ -205,7 +204,7 @@ impl Search<'_> {
         aligned.is_finite().then_some(aligned)
     }
 
-    /// Refines a motion on the pairs near it, with gates that close, and keeps what has more support.
+    /// Refines a motion on the pairs near it, with closing gates, and keeps the best.
     fn improve(&mut self, start: Se3) {
         let mut pose = start;
         for opening in [9.0, 3.0, 1.0] {
@@ -229,7 +228,7 @@ impl Search<'_> {
             };
         };
         let mut active = self.fit.agreeing(&pose, 2.0);
-        // Inliers depend on the motion and the motion on the inliers; the limit ends a cycle between two sets.
+        // Alternates between motion and inliers; the limit ends cycles.
         for _ in 0..5 {
             if let Some(refined) = self.fit.minimise(&pose, &active, 10) {
                 pose = refined;
@@ -250,7 +249,6 @@ impl Search<'_> {
         }
         let agreeing = self.fit.pairs.iter().zip(&active).filter(|(_, a)| **a);
         let points: Vec<Vec3> = agreeing.map(|(p, _)| p.point_b).collect();
-        // On a line, the rotation about it stays open, however many pairs agree.
         if spread(&points) < self.options.min_extent_m {
             return RigidOutcome::Degenerate {
                 inliers: inlier_count,
@@ -276,7 +274,8 @@ impl Search<'_> {
     }
 }
 
-/// Where a pair is in the other camera, by the rotation and translation of `b_from_a`: the point of A in B, and that of B in A.
+/// The points of a pair in the other camera, under the rotation and translation of `b_from_a`: that of A in B, and that
+/// of B in A.
 fn both_ways((r, t): &(Mat3, Vec3), p: &RigidPair) -> (Vec3, Vec3) {
     (transform(r, t, &p.point_a), r.tr_mul(&(p.point_b - t)))
 }

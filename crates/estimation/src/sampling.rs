@@ -1,9 +1,9 @@
-//! Random numbers with an address, and how many samples RANSAC needs.
+//! Addressed random numbers, and the number of RANSAC samples.
 //!
-//! No random state is handed from frame to frame: a stream is derived where it is needed from the run's seed, the frame
-//! and what it is for, so a frame's result depends on nothing that was drawn before it.
+//! There is no persistent random state: a stream is derived from the run's seed, the frame and its purpose, so results
+//! do not depend on earlier draws.
 
-/// What random numbers are for: streams of different purposes are independent. The library's own are constants here;
+/// Purpose of random numbers: streams of different purposes are independent. The constants are used by the library;
 /// other users choose numbers from 1000 on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Purpose(pub u64);
@@ -15,7 +15,7 @@ impl Purpose {
     pub const HOMOGRAPHY: Self = Self(2);
     /// Samples of the camera's motion between two frames.
     pub const CAMERA_MOTION: Self = Self(3);
-    /// Samples of the pose of a camera that was lost, against a keyframe's landmarks.
+    /// Samples of the pose of a lost camera from a keyframe's landmarks.
     pub const RELOCALISATION: Self = Self(4);
     /// Samples of depths inside a box.
     pub const DEPTH: Self = Self(5);
@@ -23,14 +23,14 @@ impl Purpose {
     pub const RIGID: Self = Self(6);
     /// Samples of the motion between a keyframe and a frame that does not match the last one.
     pub const KEYFRAME_MOTION: Self = Self(8);
-    /// Samples of the pose of a camera that has drifted off the map, against what is found of the map again.
+    /// Samples of the pose of a camera that has drifted off the map.
     pub const REGAINED_MAP: Self = Self(9);
     /// Samples of the motion between two frames by descriptors.
     pub const FIRST_MOTION: Self = Self(10);
 }
 
-/// A stream of random numbers (SplitMix64: Steele, Lea, Flood, "Fast splittable pseudorandom number generators",
-/// OOPSLA 2014). Made by [`rng`].
+/// A stream of random numbers (SplitMix64: Steele, Lea, Flood, "Fast splittable pseudorandom number generators", OOPSLA
+/// 2014). Made by [`rng`].
 #[derive(Clone, Debug)]
 pub struct Rng {
     state: u64,
@@ -46,14 +46,14 @@ fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// What a search on behalf of a frame is about, beside the frame: a keyframe, an object. No two of them share an address.
+/// Unique address for a search that concerns a frame and something else, such as a keyframe or an object.
 #[must_use]
 pub fn address(frame: u32, about: u32) -> u64 {
     u64::from(frame) << 32 | u64::from(about)
 }
 
-/// The stream for a run's seed, a frame's id (or [`address`]) and a purpose: equal addresses give equal numbers, on every machine.
-/// Every search has a purpose of its own, so that no two draw the same numbers.
+/// The stream for a run's seed, a frame's id (or [`address`]) and a purpose, equal on every machine. Every search has
+/// its own purpose, so that no two use the same numbers.
 #[must_use]
 pub fn rng(seed: u64, frame: u64, purpose: Purpose) -> Rng {
     let a = mix(seed.wrapping_add(GOLDEN));
@@ -75,12 +75,12 @@ impl Rng {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Uniform in `0..count`, for counts below 2^32; 0 when `count` is 0.
+    /// Uniform in `0..count`, for counts below 2^32; 0 if `count` is 0.
     pub fn below(&mut self, count: usize) -> usize {
         (((self.bits() >> 32) * count as u64) >> 32) as usize
     }
 
-    /// `N` different indices in `0..count`; `None` when there are not that many.
+    /// `N` different indices in `0..count`; `None` if there are fewer.
     pub fn distinct<const N: usize>(&mut self, count: usize) -> Option<[usize; N]> {
         if count < N {
             return None;
@@ -100,8 +100,8 @@ impl Rng {
     }
 }
 
-/// How many samples of `size` make one without outliers likely (with probability `confidence`) when a share `inliers` of
-/// the data is good: `log(1 - P) / log(1 - w^N)` (Fischler, Bolles 1981), held within `range` (least, most).
+/// Number of samples of `size` after which one is free of outliers with probability `confidence`, given the inlier
+/// share `inliers`: `log(1 - P) / log(1 - w^N)` (Fischler, Bolles 1981), limited to `range` (minimum, maximum).
 #[must_use]
 pub fn ransac_iterations(
     confidence: f64,
@@ -111,7 +111,7 @@ pub fn ransac_iterations(
 ) -> usize {
     let good = (0..size).fold(1.0, |p, _| p * inliers);
     let (least, most) = (range.0.min(range.1), range.1);
-    // Outside (0, 1) the logarithms have no meaning; no good sample means trying to the end, only good ones not at all.
+    // Outside (0, 1) the logarithms are undefined: the maximum without good samples, the minimum with only good ones.
     if good.is_nan() || good <= 1e-12 {
         return most;
     }

@@ -12,9 +12,7 @@ pub(crate) type Cross = [[f64; 3]; 6];
 
 /// One point's share of the normal equations.
 pub(crate) struct PointBlock {
-    /// `J_point^T W J_point`.
     h: Mat3,
-    /// `J_point^T W e`.
     pub(crate) b: Vec3,
     /// Range of its cross blocks in [`System::cross`].
     pub(crate) cross: std::ops::Range<usize>,
@@ -26,7 +24,7 @@ pub(crate) struct System {
     pub(crate) pose_h: Vec<[[f64; 6]; 6]>,
     pub(crate) pose_b: Vec<[f64; 6]>,
     pub(crate) points: Vec<PointBlock>,
-    /// Cross blocks, point by point, and the pose of each. Apart, as most passes skip by the pose.
+    /// Cross blocks, point by point, and the pose of each. Separate, as most passes filter by pose.
     pub(crate) cross: Vec<Cross>,
     pub(crate) pose_of: Vec<u32>,
 }
@@ -37,8 +35,8 @@ pub(crate) struct Step {
     pub(crate) points: Vec<Vec3>,
 }
 
-/// Linearises all active observations, with the Huber weights of the present residuals; in the memory of an earlier system, as new
-/// pages for the cross blocks of a large map take as long as the blocks.
+/// Linearises all active observations, with the Huber weights of the current residuals. Reuses memory: allocating the
+/// cross blocks of a large map takes as long as computing them.
 pub(crate) fn build(problem: &BundleProblem, active: &[bool], system: &mut System) {
     let free = problem.free_poses;
     let frames: Vec<(Mat3, Vec3)> = problem
@@ -47,14 +45,13 @@ pub(crate) fn build(problem: &BundleProblem, active: &[bool], system: &mut Syste
         .map(|p| (p.rotation_matrix(), p.translation))
         .collect();
     system.clear(free);
-    // Of the present size at once: what grows is copied.
     system.cross.reserve(problem.observations.len());
     let mut at = 0;
     for (index, point) in problem.points.iter().enumerate() {
         let mut h = [[0.0; 3]; 3];
         let mut b = [0.0; 3];
         let first = system.cross.len();
-        // Observations are sorted by point, so one pass over them is enough.
+        // Observations are sorted by point, so one pass suffices.
         while let Some(o) = problem
             .observations
             .get(at)
@@ -88,7 +85,7 @@ pub(crate) fn build(problem: &BundleProblem, active: &[bool], system: &mut Syste
                 add_outer(&mut h, &jp[k], &jp[k], w[k]);
                 add_scaled(&mut b, &jp[k], w[k] * e[k]);
             }
-            // Fixed poses enter only through what they say of the points.
+            // Fixed poses contribute to the points only.
             if pose < free {
                 let (pose_h, pose_b) = (&mut system.pose_h[pose], &mut system.pose_b[pose]);
                 let cross = add_to_pose(pose_h, pose_b, &l, &jp, (rows, w));
@@ -104,8 +101,8 @@ pub(crate) fn build(problem: &BundleProblem, active: &[bool], system: &mut Syste
     }
 }
 
-/// Adds an observation to its pose's share, its first `rows` rows with their weights; returns its cross block.
-// Not inlined: only of arguments the compiler knows that they do not overlap, and works on pairs of numbers.
+/// Adds the first `rows` rows of an observation to its pose's share; returns its cross block.
+// Not inlined, so that the compiler knows that the arguments do not alias and vectorises the loop.
 #[inline(never)]
 fn add_to_pose(
     h: &mut [[f64; 6]; 6],
@@ -175,7 +172,7 @@ impl System {
         poses.map(|i| *i as usize).zip(&self.cross[p.cross.clone()])
     }
 
-    /// Solves the damped equations; `None` when the reduced system is not positive definite.
+    /// Solves the damped equations; `None` if the reduced system is not positive definite.
     pub(crate) fn solve(&self, plan: &Plan, lambda: f64) -> Option<Step> {
         let inverses: Vec<Option<Mat3>> = self
             .points
@@ -262,7 +259,7 @@ impl System {
                 }
             }
         }
-        // nalgebra's Cholesky reads the lower triangle only and uses no kernel that is chosen at run time.
+        // nalgebra's Cholesky reads the lower triangle only and does not select kernels at run time.
         let x = s.cholesky()?.solve(&b);
         x.iter().all(|v| v.is_finite()).then(|| {
             (0..free)
@@ -272,7 +269,7 @@ impl System {
     }
 }
 
-/// A cross block as it is multiplied from the right, 3x6.
+/// A transposed cross block, 3x6.
 pub(crate) type Across = [[f64; 6]; 3];
 
 #[inline]
@@ -286,8 +283,8 @@ pub(crate) fn across(b: &Cross) -> Across {
     out
 }
 
-/// `s -= w * b^T` for 6x3 blocks, the second one given across, so that whole rows are updated.
-// Not inlined: only of arguments the compiler knows that they do not overlap, and works on pairs of numbers.
+/// `s -= w * b^T` for 6x3 blocks, the second one transposed, so that whole rows are updated.
+// Not inlined, so that the compiler knows that the arguments do not alias and vectorises the loop.
 #[inline(never)]
 pub(crate) fn subtract_product(s: &mut [[f64; 6]; 6], w: &Cross, b: &Across) {
     for (row, wr) in s.iter_mut().zip(w) {

@@ -1,6 +1,6 @@
 //! Sparse Cholesky factorisation of symmetric systems of 6x6 blocks, one block row per pose.
 //!
-//! Left-looking, column by column, in a fixed order of operations: the same system gives the same bits on every machine.
+//! Left-looking, column by column, in a fixed order of operations: results are bit-identical on every machine.
 
 use crate::ordering::minimum_degree;
 use stillpoint_geometry::Vec6;
@@ -8,17 +8,14 @@ use stillpoint_geometry::Vec6;
 /// A 6x6 block, row by row.
 pub(crate) type Block = [[f64; 6]; 6];
 
-/// Where the factor of a system has blocks. Columns and rows are counted in elimination order.
+/// Sparsity pattern of a factor. Columns and rows are in elimination order.
 pub(crate) struct Pattern {
     /// Position of each variable in the elimination order.
     pub(crate) position: Vec<u32>,
-    /// The variable at each position.
     pub(crate) order: Vec<u32>,
-    /// Where each column starts in `rows`.
     start: Vec<usize>,
     /// Rows of the blocks of each column, ascending, the diagonal first.
     rows: Vec<u32>,
-    /// Where each row starts in `left`.
     left_start: Vec<usize>,
     /// Per row: the index in `rows` of its blocks left of the diagonal, and the end of their columns.
     left: Vec<(usize, usize)>,
@@ -34,7 +31,7 @@ impl Pattern {
             position[*v as usize] = p as u32;
         }
         let (mut start, mut rows) = (vec![0], Vec::new());
-        // Columns whose first block below the diagonal is in this row: they hand their rows on (elimination tree).
+        // Children in the elimination tree: columns whose first block below the diagonal is in this row.
         let mut children: Vec<Vec<u32>> = vec![Vec::new(); count];
         let mut mark = vec![u32::MAX; count];
         for k in 0..count {
@@ -96,7 +93,6 @@ impl Pattern {
         }
     }
 
-    /// Number of block rows.
     pub(crate) fn count(&self) -> usize {
         self.order.len()
     }
@@ -106,7 +102,7 @@ impl Pattern {
         self.rows.len()
     }
 
-    /// Products of two blocks that one factorisation takes.
+    /// Products of two blocks per factorisation.
     pub(crate) fn products(&self) -> u64 {
         let below = self.start.windows(2).map(|w| (w[1] - w[0] - 1) as u64);
         below.map(|n| n * (n + 3) / 2 + 1).sum()
@@ -117,7 +113,7 @@ impl Pattern {
         (self.start[k], &self.rows[self.start[k]..self.start[k + 1]])
     }
 
-    /// The index of the block of two variables, and whether it is stored transposed (row and column swapped).
+    /// The index of the block of two variables, and whether it is stored transposed.
     pub(crate) fn find(&self, row: u32, column: u32) -> Option<(usize, bool)> {
         let (r, c) = (
             *self.position.get(row as usize)?,
@@ -128,7 +124,7 @@ impl Pattern {
         Some((first + offset, r < c))
     }
 
-    /// Factors the matrix whose blocks are given in the order of `rows`; `None` when it is not positive definite.
+    /// Factors the matrix with blocks in the order of `rows`; `None` if it is not positive definite.
     pub(crate) fn factor(&self, mut values: Vec<Block>) -> Option<Factor<'_>> {
         let mut slot = vec![0_u32; self.count()];
         for k in 0..self.count() {
@@ -236,8 +232,8 @@ pub(crate) fn transposed(a: &Block) -> Block {
     std::array::from_fn(|r| std::array::from_fn(|c| a[c][r]))
 }
 
-/// `target -= a * b_transposed`, with the second factor given as it is multiplied, so that whole rows are updated.
-// Not inlined: only of arguments the compiler knows that they do not overlap, and works on pairs of numbers.
+/// `target -= a * b_transposed`, with the second factor transposed, so that whole rows are updated.
+// Not inlined, so that the compiler knows that the arguments do not alias and vectorises the loop.
 #[inline(never)]
 fn subtract_product(target: &mut Block, a: &Block, across: &Block) {
     for (row, l) in target.iter_mut().zip(a) {
@@ -251,11 +247,11 @@ fn subtract_product(target: &mut Block, a: &Block, across: &Block) {
     }
 }
 
-/// The Cholesky factor of a diagonal block, in its lower triangle; `None` when it is not positive definite.
+/// The Cholesky factor of a diagonal block, in its lower triangle; `None` if it is not positive definite.
 pub(crate) fn cholesky(a: &mut Block) -> Option<()> {
     for j in 0..6 {
         let mut pivot = a[j][j];
-        // Cancellation leaves rounding of the entry's own size where the matrix is singular.
+        // In a singular matrix cancellation leaves rounding error of the entry's own size.
         let least = 1e-14 * pivot;
         for v in &a[j][..j] {
             pivot -= v * v;
@@ -315,7 +311,7 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
     use proptest::prelude::*;
 
-    /// A random sparse positive definite system: its pattern, blocks, and the same as a dense matrix.
+    /// A random sparse positive definite system: its pattern, blocks, and dense matrix.
     fn system(count: usize, pairs: usize, random: &mut Rng) -> (Pattern, Vec<Block>, DMatrix<f64>) {
         let mut neighbours = vec![Vec::new(); count];
         let mut chosen = Vec::new();
@@ -353,7 +349,7 @@ mod tests {
     }
 
     proptest! {
-        /// Against a dense factorisation by another library.
+        /// Compared with a dense factorisation by another library.
         #[test]
         fn solutions_are_those_of_the_dense_matrix(count in 1usize..25, per in 0usize..5, seed in any::<u64>()) {
             let random = &mut rng(seed, 0, Purpose(1000));
@@ -367,7 +363,7 @@ mod tests {
             }
         }
 
-        /// One negative eigenvalue is enough.
+        /// One negative eigenvalue suffices.
         #[test]
         fn what_is_not_positive_definite_has_no_factor(count in 1usize..12, seed in any::<u64>()) {
             let random = &mut rng(seed, 0, Purpose(1000));

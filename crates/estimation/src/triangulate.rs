@@ -11,9 +11,9 @@ pub struct Triangulation {
     pub cos_parallax: f64,
 }
 
-/// The point half way between two rays where they come nearest (Hartley, Zisserman, "Multiple View Geometry", 12.1 calls
-/// it the midpoint method; bundle adjustment refines it). `None` when the rays are parallel or the point lies behind a
-/// camera. Centres in m, directions of any length, world coordinates.
+/// The midpoint of two rays where they are nearest (Hartley, Zisserman, "Multiple View Geometry", 12.1; bundle
+/// adjustment refines it). `None` if the rays are parallel or the point lies behind a camera. Centres in m, directions
+/// of any length, world coordinates.
 #[must_use]
 pub fn triangulate_midpoint(
     centre_a: &Vec3,

@@ -3,7 +3,8 @@
 use stillpoint_geometry::{Mat3, Mat6, Vec3, Vec6, so3};
 
 /// The inverse of the left Jacobian of SE(3): `log(exp(d) exp(x)) ~ x + left_jacobian_inverse(x) d` (Barfoot, Furgale,
-/// "Associating uncertainty with three-dimensional poses for use in estimation problems", T-RO 2014, equations 100 to 102).
+/// "Associating uncertainty with three-dimensional poses for use in estimation problems", T-RO 2014, equations 100 to
+/// 102).
 pub(crate) fn left_jacobian_inverse(x: &Vec6) -> Mat6 {
     let (rho, phi) = (Vec3::new(x[0], x[1], x[2]), Vec3::new(x[3], x[4], x[5]));
     let j = so3::left_jacobian_inverse(&phi);
@@ -24,7 +25,7 @@ pub(crate) fn right_jacobian_inverse(x: &Vec6) -> Mat6 {
 fn coupling(rho: &Vec3, phi: &Vec3) -> Mat3 {
     let (p, f) = (so3::hat(rho), so3::hat(phi));
     let t2 = phi.norm_squared();
-    // The quotients are 0/0 at zero; the first term left out of the series is below 1e-12.
+    // The quotients are 0/0 at zero; the first omitted term of the series is below 1e-12.
     let (a, b, c) = if t2 < 1e-2 {
         (
             1.0 / 6.0 - t2 / 120.0 + t2 * t2 / 5040.0,
@@ -54,7 +55,7 @@ mod tests {
     use stillpoint_geometry::Se3;
 
     proptest! {
-        /// Against central differences, at small and large angles.
+        /// Compared with central differences, at small and large angles.
         #[test]
         fn jacobians_are_the_derivatives(x in prop::array::uniform6(-1.0..1.0f64), scale in 0.0..1.7f64) {
             let x = Vec6::from(x) * scale;

@@ -1,23 +1,24 @@
-//! What the fundamental matrix and the homography share: pairs of pixels, and the search by random samples.
+//! RANSAC shared by fundamental matrix and homography.
 
 use crate::sampling::{Rng, ransac_iterations};
 use stillpoint_geometry::Mat3;
 
-/// An undistorted pixel in the first image and the one in the second that shows the same point, px.
+/// Undistorted pixels of the same point in the first and second image, px.
 pub type PixelPair = ([f64; 2], [f64; 2]);
 
 /// Effort and gate of the search for a two-view relation.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoViewOptions {
-    /// Residual up to which a pair agrees, px. For pixels with standard deviation sigma, 1.96 sigma passes 95 % of the good
-    /// pairs of a fundamental matrix (chi-square, 1 degree of freedom) and 2.45 sigma those of a homography (2 degrees).
+    /// Maximum residual of an inlier, px. For pixels with standard deviation sigma, 1.96 sigma passes 95 % of the good
+    /// pairs of a fundamental matrix (chi-square, 1 degree of freedom) and 2.45 sigma those of a homography (2
+    /// degrees).
     pub threshold_px: f64,
-    /// Probability of drawing at least one sample without outliers, 0 to 1. High, because not every clean sample of noisy
-    /// pairs leads to the best relation.
+    /// Probability of drawing at least one sample without outliers, 0 to 1. High, because not every clean sample of
+    /// noisy pairs leads to the best relation.
     pub confidence: f64,
-    /// Least number of samples.
+    /// Minimum number of samples.
     pub min_iterations: usize,
-    /// Largest number of samples.
+    /// Maximum number of samples.
     pub max_iterations: usize,
 }
 
@@ -33,8 +34,8 @@ impl Default for TwoViewOptions {
 }
 
 impl TwoViewOptions {
-    /// For a homography that is to be compared with a fundamental matrix: only one that explains more than half of the pairs
-    /// can win, and 107 samples find that with 99.9 %. In a scene that is no plane all of them are drawn, each time.
+    /// For a homography that is compared with a fundamental matrix: only one that explains more than half of the pairs
+    /// can win, which 107 samples find with 99.9 %. In a non-planar scene all of them are drawn.
     #[must_use]
     pub fn for_homography() -> Self {
         Self {
@@ -44,10 +45,9 @@ impl TwoViewOptions {
     }
 }
 
-/// Pairs that go through the kernels together: four numbers of double precision fill a vector register of 256 bits.
+/// Number of pairs per block: four numbers of double precision fill a vector register of 256 bits.
 pub(crate) const LANES: usize = 4;
 
-/// Coordinates of [`LANES`] pairs.
 #[derive(Clone, Copy)]
 pub(crate) struct Block {
     pub(crate) x1: [f64; LANES],
@@ -56,18 +56,17 @@ pub(crate) struct Block {
     pub(crate) y2: [f64; LANES],
 }
 
-/// Standard deviations by which a sample's relation may cost more than the best one on the first pairs. Measured on 1000 simulated scenes: the
-/// results were the same as without this limit.
+/// Standard deviations by which a sample's relation may cost more than the best one on the first pairs. Measured on
+/// 1000 simulated scenes: the results were the same as without this limit.
 const SAMPLE_MARGIN: f64 = 2.0;
 
-/// Blocks between two looks at whether a relation or a motion can still win. Chosen: 32 pairs, so that looking costs little beside them.
+/// Blocks between checks for early exit. Chosen: 32 pairs, so that a check costs little beside them.
 pub(crate) const BLOCKS_PER_LOOK: usize = 8;
 
-/// The finite pairs, moved and scaled so that numbers are near one (Hartley, "In defense of the eight-point algorithm",
-/// PAMI 1997). Both images share the scale, so that residuals keep their meaning.
+/// The finite pairs, normalised to order one (Hartley, "In defense of the eight-point algorithm", PAMI 1997). Both
+/// images share the scale, so that residuals keep their meaning.
 pub(crate) struct Pairs {
     pub(crate) blocks: Vec<Block>,
-    /// Position of each pair in the input.
     index: Vec<usize>,
     centre: [[f64; 2]; 2],
     /// 1 / px.
@@ -75,8 +74,8 @@ pub(crate) struct Pairs {
 }
 
 impl Pairs {
-    /// In random order, so that the first pairs stand for all. `None` when fewer than `least` pairs are finite or all of them
-    /// are the same.
+    /// In random order, so that the first pairs are representative. `None` if fewer than `least` pairs are finite or
+    /// all are equal.
     pub(crate) fn new(pairs: &[PixelPair], least: usize, rng: &mut Rng) -> Option<Self> {
         let finite = |p: &PixelPair| (p.0[0] + p.0[1]).is_finite() && (p.1[0] + p.1[1]).is_finite();
         let mut index: Vec<usize> = (0..pairs.len()).filter(|&i| finite(&pairs[i])).collect();
@@ -110,7 +109,7 @@ impl Pairs {
         let blocks = index
             .chunks(LANES)
             .map(|chunk| {
-                // What is not a number never agrees with a hypothesis, so unused lanes cost all of them the same.
+                // NaN never agrees with a hypothesis, so unused lanes cost all of them the same.
                 let mut block = Block::filled(f64::NAN);
                 for (lane, &i) in chunk.iter().enumerate() {
                     [block.x1[lane], block.y1[lane]] = normalise(pairs[i].0, centre[0]);
@@ -131,7 +130,6 @@ impl Pairs {
         self.index.len()
     }
 
-    /// Normalised pair `i` of the finite ones.
     pub(crate) fn get(&self, i: usize) -> PixelPair {
         let (b, lane) = (&self.blocks[i / LANES], i % LANES);
         ([b.x1[lane], b.y1[lane]], [b.x2[lane], b.y2[lane]])
@@ -149,10 +147,10 @@ impl Pairs {
         Mat3::new(s, 0.0, cx, 0.0, s, cy, 0.0, 0.0, 1.0)
     }
 
-    /// Sum of `min(residual^2, gate)` over pairs, unused lanes included (MSAC: Torr, Zisserman, "MLESAC", CVIU 2000). Infinite
-    /// as soon as it reaches `limit`, which changes no decision as the sum only grows; and as soon as the first pairs cost
-    /// `margin` standard deviations more than their share of `limit`, where a better relation is improbable (in the spirit of
-    /// Chum, Matas, "Optimal randomized RANSAC", PAMI 2008). An infinite margin turns that off.
+    /// Sum of `min(residual^2, gate)` over pairs, including unused lanes (MSAC: Torr, Zisserman, "MLESAC", CVIU 2000).
+    /// Infinite once it reaches `limit`, which is exact as the sum only grows, or once the first pairs cost `margin`
+    /// standard deviations more than their share of `limit`, where a better relation is improbable (in the spirit of
+    /// Chum, Matas, "Optimal randomized RANSAC", PAMI 2008). An infinite margin disables the latter.
     #[inline]
     pub(crate) fn truncated_cost(
         &self,
@@ -223,11 +221,11 @@ impl Block {
     }
 }
 
-/// A relation between two views that samples of `SIZE` pairs determine.
+/// A two-view relation determined by samples of `SIZE` pairs.
 pub(crate) trait Relation<const SIZE: usize> {
-    /// All relations that a sample allows.
+    /// All relations that fit a sample.
     fn minimal(sample: &[PixelPair; SIZE]) -> Vec<Mat3>;
-    /// The relation that fits the inliers of `start` best.
+    /// The relation that best fits the inliers of `start`.
     fn refit(pairs: &Pairs, start: &Mat3, gate: f64) -> Option<Mat3>;
     /// Squared residuals, in normalised units.
     fn squared(m: &[f64; 9], block: &Block) -> [f64; LANES];
@@ -245,8 +243,8 @@ pub(crate) fn rows(m: &Mat3) -> [f64; 9] {
     std::array::from_fn(|i| m[(i / 3, i % 3)])
 }
 
-/// Random samples, each new best one refined at once (LO-RANSAC: Chum, Matas, Kittler, DAGM 2003): samples of noisy pairs
-/// find fewer inliers than there are, and without the refinement the estimate of the needed samples would be far too high.
+/// RANSAC with local refinement of each new best sample (LO-RANSAC: Chum, Matas, Kittler, DAGM 2003): noisy samples
+/// find too few inliers, and without refinement the estimated number of samples would be far too high.
 pub(crate) fn search<R: Relation<SIZE>, const SIZE: usize>(
     pairs: &Pairs,
     options: &TwoViewOptions,

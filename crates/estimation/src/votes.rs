@@ -5,8 +5,8 @@ use crate::camera_motion::{MotionOptions, MotionPair, believed};
 use crate::two_view::{BLOCKS_PER_LOOK, LANES};
 use stillpoint_geometry::Se3;
 
-/// [`LANES`] pairs: points (m), pixels relative to the principal point (px), inverse depths (1/m), and weights of the squared
-/// residuals divided by the gate.
+/// [`LANES`] pairs: points (m), pixels relative to the principal point (px), inverse depths (1/m), and weights of the
+/// squared residuals divided by the gate.
 #[derive(Clone, Copy, Debug, Default)]
 struct Block {
     x: [f64; LANES],
@@ -20,18 +20,17 @@ struct Block {
     vote: [f64; LANES],
 }
 
-/// The pairs in the order and layout in which they vote.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Votes {
     blocks: Vec<Block>,
-    /// Votes that are still to come before each look.
+    /// Remaining votes before each check.
     remaining: Vec<f64>,
     focal: [f64; 2],
     peak: f64,
 }
 
 impl Votes {
-    /// Takes in the pairs that have a say, in place of all before.
+    /// Replaces the pairs by those with nonzero weight.
     pub(crate) fn rebuild(
         &mut self,
         camera: &Intrinsics,
@@ -69,8 +68,8 @@ impl Votes {
         }
     }
 
-    /// The sum over pairs of weight times `(1 - r) / (1 + peak r)` with `r = chi2 / gate`, where positive; 0 as soon as it cannot exceed `limit`, which
-    /// changes no decision.
+    /// The sum over pairs of weight times `(1 - r) / (1 + peak r)` with `r = chi2 / gate`, where positive; 0 once it
+    /// cannot exceed `limit`, which is exact.
     pub(crate) fn count(&self, b_from_a: &Se3, limit: f64) -> f64 {
         let motion = BlockMotion::new(b_from_a);
         let (mut sums, mut total) = ([0.0; LANES], 0.0);
@@ -154,7 +153,7 @@ mod tests {
     };
 
     proptest! {
-        /// The kernel against the measurement's own squared distance; leaving early means nothing but losing.
+        /// Compared with [`Measurement::chi2`]; early exit only happens for losing motions.
         #[test]
         fn votes_are_weighted_agreements(count in 0usize..90, seed in any::<u64>(), share in 0.0..1.5f64, scale in 0.5..3.0f64, peak in 0.0..80.0f64) {
             let random = &mut rng(seed, 0, Purpose(1000));

@@ -1,4 +1,4 @@
-//! The pose of a camera that may be anywhere, on points whose truth is known.
+//! Absolute pose on points with known truth.
 
 use proptest::prelude::*;
 use stillpoint_estimation::{
@@ -15,7 +15,7 @@ fn normal(random: &mut Rng) -> f64 {
     (0..12).map(|_| random.unit() - 0.5).sum()
 }
 
-/// Observations of which the first `wrong` look at something else; a share of all has depth.
+/// Observations of which the first `wrong` belong to other points; a share of all has depth.
 fn observations(
     camera_from_world: &Se3,
     (count, wrong): (usize, usize),
@@ -62,7 +62,7 @@ fn pose() -> impl Strategy<Value = Se3> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Three quarters are wrong, and nothing is known of where the camera is; with depth, without, and with some.
+    /// Three quarters are wrong, without an initial guess; with depth, without, and mixed.
     #[test]
     fn a_pose_among_wrong_observations(truth in pose(), seed in any::<u64>(), with_depth in prop::sample::select(vec![0.0, 0.5, 1.0])) {
         let random = &mut rng(seed, 0, Purpose(1000));

@@ -1,4 +1,4 @@
-//! Bundle adjustment on a synthetic scene: perturbed poses and points come back, wrong observations are named.
+//! Bundle adjustment on a synthetic scene: recovers perturbed poses and points, and detects wrong observations.
 
 use stillpoint_estimation::{
     BundleObservation, BundleOptions, BundleProblem, BundleStop, Intrinsics, Measurement,
@@ -136,7 +136,7 @@ fn wrong_observations_are_named_and_do_no_harm() {
     assert!(pose_error(&poses, &problem.poses) < 2e-3);
 }
 
-/// A corridor that many cameras walk down, each seeing the next two metres; the last camera is fixed.
+/// Cameras along a corridor, each seeing the next two metres; the last camera is fixed.
 fn corridor(cameras: usize) -> Scene {
     let camera = Camera::pinhole(640, 480, [520.0, 520.0, 320.0, 240.0]);
     let shift = |z: f64| Se3::new(Default::default(), Vec3::new(0.0, 0.0, -z));
@@ -209,12 +209,12 @@ fn a_large_problem_comes_back() {
     assert!(after < 0.06 && after < 0.3 * before, "{before} -> {after}");
     assert_eq!(problem.points.len(), points.len());
     assert_eq!(report.stop, BundleStop::Converged);
-    // Cameras that see nothing in common have no block.
+    // Cameras without common points have no block.
     assert!(report.blocks < 160 * 161 / 4, "{}", report.blocks);
 }
 
-/// The same problem with 100 free poses, which are solved as one dense matrix, and with a 101st that sees nothing and turns the
-/// solution to sparse blocks: two solvers test each other.
+/// The same problem with 100 free poses, which is dense, and with a 101st without observations, which makes it sparse:
+/// the two solvers must agree.
 #[test]
 fn dense_and_sparse_agree() {
     let mut dense = corridor(101).problem;
@@ -239,8 +239,8 @@ fn dense_and_sparse_agree() {
     assert_eq!(sparse.poses[100], Se3::identity());
 }
 
-/// 230 cameras in one place, each point seen by three of them at random: nearly every camera shares points with every other one,
-/// the factor would be full, and conjugate gradients take over.
+/// 230 cameras in one place, each point seen by three of them at random: the factor would be nearly full, so conjugate
+/// gradients are used.
 #[test]
 fn a_crowd_comes_back() {
     let mut scene = scene();
@@ -282,7 +282,7 @@ fn a_crowd_comes_back() {
     let report = adjust_bundle(problem, &BundleOptions::default());
     let error = pose_error(&scene.poses, &problem.poses);
     assert!(error < 1e-4, "{error} {report:?}");
-    // Without fill: a factor would hold nearly all pairs.
+    // Without fill: a factor would have nearly all pairs.
     assert!(report.blocks < (count - 1) * count / 2 * 9 / 10);
     assert!(!report.outliers.contains(&true));
 }

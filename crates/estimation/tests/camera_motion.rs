@@ -1,4 +1,4 @@
-//! P3P and the weighted vote on the camera's motion, on points whose truth is known.
+//! P3P and the weighted vote on the camera's motion, on points with known truth.
 
 use proptest::prelude::*;
 use stillpoint_estimation::{
@@ -21,7 +21,7 @@ fn normal(random: &mut Rng) -> f64 {
     (0..12).map(|_| random.unit() - 0.5).sum()
 }
 
-/// Pairs of points that follow a motion, in a part of the image, measured with noise.
+/// Noisy pairs of points that follow a motion, in a part of the image.
 fn follow(
     motion: &Se3,
     count: usize,
@@ -73,7 +73,7 @@ fn twist(size_t: f64, size_r: f64) -> impl Strategy<Value = Vec6> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// The truth is among the poses, and every one of them sees the points in the given directions.
+    /// The truth is among the poses, and all of them see the points in the given directions.
     #[test]
     fn p3p_holds_the_truth(
         truth in twist(2.0, 2.0),
@@ -83,7 +83,7 @@ proptest! {
         let truth = Se3::exp(&truth);
         let seen = seen.map(|[x, y, z]| Vec3::new(x * z, y * z, z));
         let sides = (seen[1] - seen[0], seen[2] - seen[0]);
-        // A triangle that is nearly a line, or nearly one with the camera, fixes no pose to this accuracy.
+        // Nearly degenerate triangles do not determine a pose to this accuracy.
         prop_assume!(sides.0.cross(&sides.1).norm() > 0.05 * sides.0.norm() * sides.1.norm());
         let volume = seen[0].normalize().dot(&seen[1].normalize().cross(&seen[2].normalize()));
         prop_assume!(volume.abs() > 1e-3);
@@ -105,7 +105,7 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Half of the pairs are anywhere, and nothing is known beforehand.
+    /// Half of the pairs are outliers, without a prior.
     #[test]
     fn motion_among_outliers(truth in twist(0.1, 0.1), seed in any::<u64>(), depth in any::<bool>()) {
         let truth = Se3::exp(&truth);
@@ -135,7 +135,6 @@ proptest! {
         prop_assert_eq!(run(), run());
     }
 
-    /// Points that follow no motion at all have none.
     #[test]
     fn nonsense_has_no_motion(seed in any::<u64>()) {
         let random = &mut rng(seed, 0, Purpose(1000));
@@ -148,7 +147,7 @@ proptest! {
     }
 }
 
-/// 60 % of the pairs are a person who walks in front; the truth is what the room does.
+/// 60 % of the pairs are on a person walking in front; the truth is the room's motion.
 fn walking(seed: u64) -> (Se3, Se3, Vec<MotionPair>) {
     let random = &mut rng(seed, 0, Purpose(1001));
     let camera_moves = Se3::exp(&Vec6::new(0.012, -0.004, 0.008, 0.004, -0.006, 0.002));
@@ -167,7 +166,7 @@ fn walking(seed: u64) -> (Se3, Se3, Vec<MotionPair>) {
 
 fn believe(pairs: &mut [MotionPair]) {
     for (i, p) in pairs.iter_mut().enumerate() {
-        // Old landmarks are in the room; people hold none for long. A tenth of the beliefs are wrong.
+        // Old landmarks are mostly in the room. A tenth of the weights are wrong.
         let old = (i >= 180) != i.is_multiple_of(10);
         p.weight = if old { 1.0 } else { 0.3 };
     }
@@ -199,7 +198,7 @@ fn the_room_wins_against_a_crowd() {
     }
 }
 
-/// The control: without weights and prior the person, who has more points, is taken for the room.
+/// Control: without weights and prior the person, who has more points, wins.
 #[test]
 fn without_beliefs_the_crowd_wins() {
     for seed in 0..20 {
@@ -215,7 +214,6 @@ fn without_beliefs_the_crowd_wins() {
     }
 }
 
-/// A prior alone outweighs a small majority.
 #[test]
 fn a_prior_outweighs_a_small_majority() {
     for seed in 0..10 {
@@ -236,7 +234,7 @@ fn a_prior_outweighs_a_small_majority() {
     }
 }
 
-/// A prior that is far off does not keep the truth from being found when all agree on it.
+/// A wrong prior does not hide a motion on which all pairs agree.
 #[test]
 fn a_wrong_prior_is_overruled() {
     let (camera_moves, _, pairs) = walking(3);
@@ -250,7 +248,7 @@ fn a_wrong_prior_is_overruled() {
     assert!(found.weight_share > 0.85);
 }
 
-/// Pairs of weight 0 are judged but have no say.
+/// Pairs of weight 0 are classified but do not vote.
 #[test]
 fn weightless_pairs_are_judged_only() {
     let (camera_moves, _, mut pairs) = walking(5);
@@ -280,11 +278,11 @@ fn bad_input_is_no_motion() {
         }
     }
     assert!(find(&pairs, None, 1).is_none());
-    // One pair with nearly all the weight: three different ones can hardly be drawn, which must not hang.
+    // If one pair has nearly all the weight, drawing three different ones must not hang.
     let (_, _, mut pairs) = walking(1);
     pairs[0].weight = 1e18;
     let _ = find(&pairs, None, 1);
-    // Points on a line, seen by a camera that does not move.
+    // Points on a line, seen by a static camera.
     for (i, p) in pairs.iter_mut().enumerate() {
         p.point = Vec3::new(0.0, 0.0, 1.0 + 0.01 * i as f64);
     }
@@ -300,28 +298,28 @@ fn p3p_refuses_what_fixes_no_pose() {
     assert!(p3p([x, x, y], bearings).is_empty());
     assert!(p3p([x, y, z], [Vec3::zeros(), y, z]).is_empty());
     assert!(p3p([x * f64::NAN, y, z], bearings).is_empty());
-    // Whatever coinciding directions give, it is finite.
+    // For coinciding directions results are finite.
     assert!(p3p([x, y, z], [z, z, z]).iter().all(Se3::is_finite));
 }
 
-/// A room and somebody who walks in it, between two frames.
+/// A room and a person walking in it, between two frames.
 struct Walk {
     camera_moves: Vec6,
-    /// The room's pairs, and how far it is, m.
+    /// Number of the room's pairs, and their depths, m.
     room: (usize, (f64, f64)),
-    /// The same of the person, who has these columns of the image.
+    /// Likewise for the person, who fills these columns of the image.
     person: (usize, (f64, f64)),
     columns: (f64, f64),
-    /// How the person moves, as a shift of the camera, m.
+    /// The person's motion, as a translation of the camera, m.
     step: f64,
-    /// What the pairs are said to err by, px: more than they do.
+    /// Stated error of the pairs, px: larger than the true one.
     judged: f64,
-    /// Whether the frame before tells depths that are worth anything.
+    /// Whether the earlier frame has usable depths.
     with_depth: bool,
 }
 
 impl Walk {
-    /// By how much the found translation is off, judged widely and sharply, m: medians of 20 seeds.
+    /// Translation errors with wide and sharp voting, m: medians of 20 seeds.
     fn errors(&self) -> [f64; 2] {
         let camera_moves = Se3::exp(&self.camera_moves);
         let step = Vec6::new(self.step, 0.002, 0.0, 0.0, 0.0, 0.0);
@@ -369,8 +367,8 @@ impl Walk {
     }
 }
 
-/// Somebody who walks slowly past a desk: between two frames both are within pixels of a motion that lies between theirs. Judged widely
-/// almost everything agrees with that one; judged sharply the desk's own motion wins.
+/// A person walking slowly past a desk: a compromise between both motions is within pixels of all points. With wide
+/// voting almost all pairs agree with that; with sharp voting the desk's own motion wins.
 #[test]
 fn a_motion_between_two_crowds_loses_when_judged_sharply() {
     let [wide, sharp] = Walk {
@@ -386,8 +384,8 @@ fn a_motion_between_two_crowds_loses_when_judged_sharply() {
     assert!(sharp < 0.5 * wide, "{sharp} m sharply, {wide} m widely");
 }
 
-/// A camera that turns before a desk which is about as far everywhere: a turn with the opposite shift moves all of it alike, and a few people who are
-/// nearer tell them apart. They walk, and judged widely they decide.
+/// A camera that rotates in front of a desk of nearly constant depth: a rotation with the opposite translation moves
+/// all of it alike, and a few nearer people decide between both. With wide voting these walking people decide.
 #[test]
 fn a_few_at_another_depth_do_not_decide_when_judged_sharply() {
     let [wide, sharp] = Walk {
@@ -404,7 +402,7 @@ fn a_few_at_another_depth_do_not_decide_when_judged_sharply() {
     assert!(sharp < 0.005, "{sharp} m sharply, {wide} m widely");
 }
 
-/// Pairs at one depth in the middle of the image hardly tell a shift from a turn; a shift that is known does.
+/// Pairs at one depth in the image centre hardly distinguish translation from rotation; a known translation does.
 #[test]
 fn a_known_shift_tells_a_shift_from_a_turn() {
     let truth = Se3::exp(&Vec6::new(0.006, 0.0, 0.0, 0.0, 0.05, 0.0));

@@ -1,4 +1,4 @@
-//! Jacobians against central differences, and the measurement's own laws.
+//! Jacobians compared with central differences, and properties of measurements.
 
 use proptest::prelude::*;
 use stillpoint_estimation::{Intrinsics, Measurement, linearise};
@@ -11,7 +11,7 @@ const CAMERA: Intrinsics = Intrinsics {
     cy: 240.0,
 };
 
-/// A point that the camera may see, 0.3 m to 10 m away.
+/// A visible point, 0.3 m to 10 m away.
 fn point() -> impl Strategy<Value = Vec3> {
     (-0.7..0.7f64, -0.6..0.6f64, 0.3..10.0f64).prop_map(|(x, y, z)| Vec3::new(x * z, y * z, z))
 }
@@ -30,7 +30,7 @@ fn residual(p: &Vec3) -> Vec3 {
     Vec3::from(linearise(&CAMERA, &measurement(), p).residual)
 }
 
-/// The derivative of a prediction is minus the derivative of the residual; errors are relative to the row's size.
+/// Difference relative to the row's size; the derivative of the prediction is minus that of the residual.
 fn differs(ahead: &Vec3, behind: &Vec3, step: f64, column: [f64; 3], size: [f64; 3]) -> f64 {
     let numeric = (behind - ahead) / (2.0 * step);
     (0..3)
@@ -69,7 +69,7 @@ proptest! {
         }
     }
 
-    /// The squared distance is what the weighted residuals add up to, with depth and without.
+    /// The squared distance is the sum of weighted residuals, with and without depth.
     #[test]
     fn chi2_is_the_weighted_sum(p in point(), sigma_px in 0.5..4.0f64, depth in 0.5..8.0f64, sigma in 0.001..0.1f64) {
         for depth in [None, Some((depth, sigma))] {
@@ -86,7 +86,7 @@ proptest! {
         }
     }
 
-    /// What a camera projects is measured without a residual.
+    /// An exact projection has no residual.
     #[test]
     fn a_perfect_measurement_has_no_residual(p in point()) {
         let camera = Camera::pinhole(640, 480, [520.0, 515.0, 320.0, 240.0]);

@@ -1,4 +1,4 @@
-//! Solvers on made-up data whose answer is known.
+//! Solvers on synthetic data with known results.
 
 #![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 

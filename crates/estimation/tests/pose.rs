@@ -1,4 +1,4 @@
-//! Pose optimisation and triangulation on points whose truth is known.
+//! Pose optimisation and triangulation on points with known truth.
 #![allow(clippy::print_stdout)]
 
 use proptest::prelude::*;
@@ -40,8 +40,8 @@ fn depth_sigma(z: f64) -> f64 {
     0.002 * z * z
 }
 
-/// `count` points in front of the true pose, measured with noise; every share `outliers` of them is measured somewhere
-/// else. Without `depth`, pixels only.
+/// `count` noisy points in front of the true pose; a share `outliers` of them is measured elsewhere. Without `depth`,
+/// pixels only.
 fn scene(
     truth: &Se3,
     count: usize,
@@ -95,7 +95,7 @@ fn twist(size_t: f64, size_r: f64) -> impl Strategy<Value = Vec6> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// 200 points, 30 % of them wrong, from a start 5 cm and 2 degrees off.
+    /// 200 points with 30 % outliers, starting 5 cm and 2 degrees off.
     #[test]
     fn recovers_a_pose_among_outliers(
         truth in twist(2.0, 1.0),
@@ -130,7 +130,6 @@ proptest! {
         prop_assert_eq!(estimate.inlier_count, 40);
     }
 
-    /// Measurements that fit no pose at all must not pass for one.
     #[test]
     fn nonsense_has_few_inliers(seed in any::<u64>()) {
         let random = &mut Random(seed);
@@ -152,7 +151,7 @@ proptest! {
         prop_assert_eq!(a.inliers, b.inliers);
     }
 
-    /// Two rays through a point meet in it, whatever the lengths of their directions.
+    /// Two rays through a point meet there, for any length of their directions.
     #[test]
     fn triangulation_meets_the_point(
         a in [-2.0..2.0f64, -2.0..2.0, -2.0..2.0],
@@ -169,7 +168,7 @@ proptest! {
     }
 }
 
-/// The information is what it says: errors scaled with it have variance 1 in each of six directions.
+/// Errors scaled with the information have variance 1 in each of six directions.
 #[test]
 fn information_is_the_inverse_covariance() {
     let (truth, mut sum, runs) = (Se3::identity(), 0.0, 400);
@@ -177,7 +176,7 @@ fn information_is_the_inverse_covariance() {
     for _ in 0..runs {
         let (observations, _) = scene(&truth, 60, 0.0, true, random);
         let intrinsics = Intrinsics::from(&camera());
-        // With open gates nothing is cut off the tails, which would make the estimate look better than it is.
+        // With open gates the tails are kept, which would otherwise reduce the variance.
         let options = PoseOptions {
             gate_scale: 1e3,
             ..PoseOptions::default()
@@ -187,11 +186,12 @@ fn information_is_the_inverse_covariance() {
         sum += e.dot(&(estimate.information * e));
     }
     let mean = sum / f64::from(runs);
-    // 6 +- 4 sqrt(2 * 6 / 400), and a little for the linearisation.
+    // 6 +- 4 sqrt(2 * 6 / 400), plus a little for the linearisation.
     assert!((mean - 6.0).abs() < 0.8, "mean {mean}");
 }
 
-/// A place that is known is one measurement more: errors scaled with the information of both have variance 1 in each of six directions.
+/// A known position is an additional measurement: errors scaled with the combined information have variance 1 in each
+/// of six directions.
 #[test]
 fn a_known_place_adds_its_information() {
     let (truth, runs, sigma) = (Se3::identity(), 400, [0.002, 0.000_5, 0.001]);
@@ -219,7 +219,7 @@ fn a_known_place_adds_its_information() {
                 &options,
             )
         };
-        // By differences: how a perturbation from the left moves the point.
+        // Derivative of the point by a left perturbation, by differences.
         let moved = |k: usize| {
             let mut step = Vec6::zeros();
             step[k] = 1e-6;
@@ -233,7 +233,7 @@ fn a_known_place_adds_its_information() {
         sum += e.dot(&((with.information + known) * e));
         let e = error(&without, &truth);
         alone += e.dot(&((without.information + known) * e));
-        // The information is that of the measurements alone.
+        // The information excludes the known position.
         assert!((with.information - without.information).norm() < 0.1 * without.information.norm());
     }
     let [mean, alone] = [sum, alone].map(|s| s / f64::from(runs));
@@ -241,7 +241,7 @@ fn a_known_place_adds_its_information() {
     assert!(alone > 1.5 * mean, "control: {alone} against {mean}");
 }
 
-/// Normalised squared error of poses by the covariance that goes with them, on average over `runs` scenes.
+/// Mean normalised squared error of poses over `runs` scenes.
 fn mean_nees(count: usize, outliers: f64, depth: bool, runs: u32, seed: u64) -> f64 {
     let random = &mut Random(seed);
     let mut sum = 0.0;
@@ -257,8 +257,8 @@ fn mean_nees(count: usize, outliers: f64, depth: bool, runs: u32, seed: u64) -> 
     sum / f64::from(runs)
 }
 
-/// As tracking uses it, with gates and outliers: taking out the outer 5 % of the good measurements costs some of what the
-/// information says they tell, so the mean is a little above 6, and never far from it.
+/// With gates and outliers as in tracking: removing the outer 5 % of good measurements loses some information, so the
+/// mean is slightly above 6.
 #[test]
 fn errors_are_as_large_as_the_covariance_says() {
     for (count, outliers, depth) in [
@@ -280,7 +280,7 @@ fn errors_are_as_large_as_the_covariance_says() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// The covariance times the information is the identity, whatever the scale of the scene.
+    /// Covariance times information is the identity, at any scale of the scene.
     #[test]
     fn the_covariance_inverts_the_information(
         seed in any::<u64>(),
@@ -295,7 +295,7 @@ proptest! {
         prop_assert!(covariance.cholesky().is_some());
     }
 
-    /// What leaves a direction open has no covariance: along it the information is zero.
+    /// A direction with zero information has no covariance.
     #[test]
     fn a_singular_information_has_no_covariance(
         rows in prop::collection::vec(prop::array::uniform6(-1.0..1.0f64), 0..6),
@@ -320,7 +320,7 @@ proptest! {
 #[test]
 fn points_on_a_ray_leave_directions_open() {
     let (observations, _) = scene(&Se3::identity(), 200, 0.0, false, &mut Random(3));
-    // Pixels of points on one ray: how far along it the camera is stays open.
+    // Pixels of points on one ray leave the camera's distance along it open.
     let on_a_ray = |i: usize| PoseObservation {
         point: Vec3::new(0.0, 0.0, 1.0 + i as f64 * 0.1),
         measurement: Measurement::new(Vec2::new(320.0, 240.0), SIGMA_PX, None),
@@ -349,7 +349,7 @@ fn too_few_points_give_no_inliers() {
     }
 }
 
-/// Three points that contradict each other: rejecting one leaves too few to trust.
+/// Three contradicting points: without the rejected one too few remain.
 #[test]
 fn few_contradicting_points_give_no_inliers() {
     let (mut observations, _) = scene(&Se3::identity(), 4, 0.0, true, &mut Random(5));

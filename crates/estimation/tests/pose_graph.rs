@@ -1,4 +1,4 @@
-//! Pose graphs on paths whose truth is known: drift goes, wrong loops have no say, broken input is refused.
+//! Pose graphs on paths with known truth: drift, wrong loops, invalid input.
 
 use proptest::prelude::*;
 use stillpoint_estimation::{
@@ -32,7 +32,7 @@ fn information(share: f64) -> Mat6 {
     Mat6::from_diagonal(&Vec6::from(w))
 }
 
-/// The motion between two poses, measured with a share of the noise.
+/// The measured motion between two poses, with scaled noise.
 fn measured(truth: &[Se3], (a, b): (usize, usize), share: f64, random: &mut Rng) -> PoseGraphEdge {
     let noise =
         Vec6::from_fn(|k, _| normal(random) * share * if k < 3 { SIGMA_M } else { SIGMA_RAD });
@@ -45,7 +45,7 @@ fn measured(truth: &[Se3], (a, b): (usize, usize), share: f64, random: &mut Rng)
     }
 }
 
-/// A chain of measured motions; the nodes are where it leads, drift and all.
+/// A chain of measured motions, with accumulated drift in the nodes.
 fn chain(truth: &[Se3], share: f64, random: &mut Rng) -> PoseGraph {
     let edges: Vec<_> = (1..truth.len())
         .map(|i| measured(truth, (i - 1, i), share, random))
@@ -69,7 +69,6 @@ fn close(graph: &mut PoseGraph, truth: &[Se3], ends: (usize, usize), random: &mu
     graph.edges.push(edge);
 }
 
-/// A loop between places that have nothing to do with each other.
 fn false_loop(ends: (usize, usize), random: &mut Rng) -> PoseGraphEdge {
     PoseGraphEdge {
         a: ends.0 as u32,
@@ -88,7 +87,7 @@ fn worst(graph: &PoseGraph, truth: &[Se3]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Distance between the ends of a path that should meet, against the truth, m.
+/// Error of the relative position of the path's ends, m.
 fn gap(graph: &PoseGraph, truth: &[Se3]) -> f64 {
     let (n, last) = (&graph.nodes, truth.len() - 1);
     let e = n[0].inverse() * n[last] * (truth[0].inverse() * truth[last]).inverse();
@@ -98,7 +97,7 @@ fn gap(graph: &PoseGraph, truth: &[Se3]) -> f64 {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
-    /// A loop of 40 m that missed its start by a metre or so is closed, and what was measured twice agrees.
+    /// A 40 m loop with about a metre of drift is closed.
     #[test]
     fn a_good_loop_closes_a_long_drift(seed in any::<u64>()) {
         let random = &mut rng(seed, 0, Purpose(1000));
@@ -114,7 +113,7 @@ proptest! {
         prop_assert_eq!(graph.nodes[0], truth[0]);
     }
 
-    /// Good loops and false ones: the false ones lose their say. Believed, they ruin the map.
+    /// False loops lose their weight; with full weight they ruin the map.
     #[test]
     fn false_loops_have_no_say(seed in any::<u64>()) {
         let random = &mut rng(seed, 0, Purpose(1000));
@@ -146,7 +145,7 @@ proptest! {
         }
     }
 
-    /// Without noise the truth comes back from far away, whatever the shape of the graph and whatever its order.
+    /// Without noise the truth is recovered from far away, for any graph and order.
     #[test]
     fn the_truth_comes_back(seed in any::<u64>(), extra in 1usize..80) {
         let random = &mut rng(seed, 0, Purpose(1000));
@@ -176,7 +175,7 @@ proptest! {
         prop_assert!(report.final_cost < 1e-3);
     }
 
-    /// Moving the whole world moves the result and changes nothing else.
+    /// Transforming the world transforms the result.
     #[test]
     fn the_world_may_be_anywhere(seed in any::<u64>(), twist in prop::array::uniform6(-3.0..3.0f64)) {
         let random = &mut rng(seed, 0, Purpose(1000));
@@ -199,7 +198,7 @@ proptest! {
     }
 }
 
-/// Why loops are believed first: at the end of a long drift a gate that is in force from the start refuses them.
+/// Why gates are graduated: after a large drift the final gate rejects good loops.
 #[test]
 fn without_stages_good_loops_are_refused() {
     let closed = |graduation: f64| {
@@ -221,7 +220,7 @@ fn without_stages_good_loops_are_refused() {
     assert!(closed(1.0) < 10);
 }
 
-/// 2000 poses, ten times around, loops to the lap before.
+/// 2000 poses in ten laps, with loops to the lap before.
 #[test]
 fn a_long_chain_converges() {
     let random = &mut rng(3, 0, Purpose(1000));
@@ -254,7 +253,7 @@ fn the_same_graph_gives_the_same_bits() {
     assert_eq!(run(), run());
 }
 
-/// Parts without a fixed pose are held at their first one; a pose without edges stays.
+/// Components without a fixed pose are held at their first one; a pose without edges stays.
 #[test]
 fn a_graph_may_be_in_parts() {
     let random = &mut rng(3, 0, Purpose(1000));
@@ -271,7 +270,6 @@ fn a_graph_may_be_in_parts() {
     }
     assert!(graph.nodes.iter().all(Se3::is_finite));
     assert_ne!(graph.nodes[15], before[15]);
-    // The second part agrees with itself already.
     assert!((graph.nodes[45].translation - before[45].translation).norm() < 1e-9);
 }
 
@@ -353,7 +351,7 @@ fn nothing_to_do_is_no_mistake() {
         let report = optimise_pose_graph(&mut empty, &PoseGraphOptions::default());
         assert_eq!(report.outcome, PoseGraphOutcome::NothingFree);
     }
-    // An edge that says nothing leaves its poses where they are.
+    // An edge without information leaves its poses unchanged.
     let mut graph = chain(&circle(3), 1.0, random);
     for e in &mut graph.edges {
         e.information = Mat6::zeros();

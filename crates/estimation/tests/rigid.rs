@@ -1,4 +1,4 @@
-//! The rigid motion between two cameras with depth, on points whose truth is known.
+//! The rigid motion between two cameras with depth, on points with known truth.
 
 use proptest::prelude::*;
 use stillpoint_estimation::{
@@ -24,7 +24,7 @@ fn project(p: &Vec3) -> Vec2 {
     )
 }
 
-/// What a camera measures of a point, and the position that follows from it.
+/// A camera's measurement of a point, and the resulting position.
 fn see(p: &Vec3, random: &mut Rng) -> (Vec3, Measurement) {
     let sigma_px = [1.0, 1.2, 1.44][random.below(3)];
     let sigma = 0.003 * p.z * p.z;
@@ -42,7 +42,7 @@ fn anywhere(random: &mut Rng) -> Vec3 {
     Vec3::new(x * z, y * z, z)
 }
 
-/// Pairs of which the first `wrong` join different things.
+/// Pairs of which the first `wrong` are mismatched.
 fn pairs(b_from_a: &Se3, count: usize, wrong: usize, random: &mut Rng) -> Vec<RigidPair> {
     (0..count)
         .map(|i| {
@@ -64,7 +64,7 @@ fn pairs(b_from_a: &Se3, count: usize, wrong: usize, random: &mut Rng) -> Vec<Ri
         .collect()
 }
 
-/// The same, where the true motion holds every right pair with room to spare: noise alone would carry a tenth of them out of their gates.
+/// Likewise, with every right pair well within the gates of the true motion: otherwise noise would put a tenth outside.
 fn clear_pairs(b_from_a: &Se3, count: usize, wrong: usize, random: &mut Rng) -> Vec<RigidPair> {
     let mut all = pairs(b_from_a, count, wrong, random);
     for pair in &mut all[wrong..] {
@@ -75,7 +75,7 @@ fn clear_pairs(b_from_a: &Se3, count: usize, wrong: usize, random: &mut Rng) -> 
     all
 }
 
-/// Whether a motion holds a pair within this share of the squared gates of a search with default options.
+/// Whether a pair is within this share of the squared default gates of a motion.
 fn fits(b_from_a: &Se3, pair: &RigidPair, share: f64) -> bool {
     let gate_scale = RigidOptions::default().gate_scale;
     let within = |m: &Measurement, p: Vec3| m.chi2(&CAMERA, &p) <= share * gate_scale * m.gate();
@@ -91,7 +91,7 @@ fn find(pairs: &[RigidPair], seed: u64) -> RigidOutcome {
     find_rigid(&CAMERA, pairs, &options, rng(seed, 3, Purpose::RIGID))
 }
 
-/// Motions under which the scene stays in front of the second camera.
+/// Motions that keep the scene in front of the second camera.
 fn motion() -> impl Strategy<Value = Se3> {
     let (t, r) = (-0.3..0.3f64, -0.3..0.3f64);
     [t.clone(), t.clone(), t, r.clone(), r.clone(), r].prop_map(|t| Se3::exp(&Vec6::from(t)))
@@ -105,7 +105,7 @@ fn error(a: &Se3, b: &Se3) -> (f64, f64) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Four fifths of the pairs are wrong. Of the right ones none is lost, as the true motion holds them all.
+    /// Four fifths of the pairs are wrong. No right one is lost, as all are within the gates of the true motion.
     #[test]
     fn a_motion_among_wrong_pairs(truth in motion(), seed in any::<u64>()) {
         let random = &mut rng(seed, 0, Purpose(1000));
@@ -118,7 +118,7 @@ proptest! {
         let false_ones = found.inliers[..160].iter().filter(|i| **i).count();
         prop_assert!(kept >= 38 && false_ones <= 3, "{kept} {false_ones}");
         prop_assert_eq!(found.inlier_count, kept + false_ones);
-        // All pairs together, which is what the search has to avoid, are nowhere near.
+        // Control: a fit to all pairs is far off.
         let (a, b): (Vec<_>, Vec<_>) = pairs.iter().map(|p| (p.point_a, p.point_b)).unzip();
         let all = stillpoint_geometry::align_umeyama(&a, &b, false).unwrap().target_from_source;
         prop_assert!(error(&all, &truth).0 > 3.0 * t);
@@ -149,7 +149,6 @@ proptest! {
         prop_assert_eq!(run(), run());
     }
 
-    /// Places that look alike but are not: no motion, so no loop.
     #[test]
     fn nonsense_has_no_motion(seed in any::<u64>(), count in 30usize..300) {
         let random = &mut rng(seed, 0, Purpose(1000));
@@ -157,7 +156,7 @@ proptest! {
         prop_assert!(matches!(outcome, RigidOutcome::NoConsensus { inliers, .. } if inliers < 20), "{outcome:?}");
     }
 
-    /// Nothing that can be handed over makes it panic, and numbers that are not finite are nobody's inliers.
+    /// No input causes a panic, and pairs that are not finite are never inliers.
     #[test]
     fn broken_numbers_do_no_harm(seed in any::<u64>(), bad in prop::sample::select(vec![f64::NAN, f64::INFINITY, -1.0, 0.0, 1e300])) {
         let random = &mut rng(seed, 0, Purpose(1000));
@@ -179,8 +178,7 @@ proptest! {
     }
 }
 
-/// The covariance is honest: errors divided by it are chi-square with six degrees of freedom, for points that are single
-/// measurements and for points that are known well.
+/// Errors scaled with the information are chi-square with six degrees of freedom, for measured and for exact points.
 #[test]
 fn the_information_tells_the_error() {
     for exact_points in [false, true] {
@@ -212,7 +210,7 @@ fn the_information_tells_the_error() {
             );
         }
         let mean = sum / runs as f64;
-        // Inliers at a 95 % gate look a little better than they are, hence more than 6 is allowed than less.
+        // Gating makes inliers look slightly better, so the upper bound is wider.
         assert!(
             (4.0..9.0).contains(&mean),
             "{mean}, exact points: {exact_points}"
@@ -232,7 +230,7 @@ fn what_does_not_determine_a_motion_is_named() {
     for (i, p) in along.iter_mut().enumerate() {
         put(p, Vec3::new(-0.6 + 0.02 * i as f64, 0.1, 1.0));
     }
-    // Only samples that are a line by more than noise are refused, so the end of the search may have to notice.
+    // Samples that are collinear within noise may pass, so the final check may be the one to refuse.
     let outcome = find(&along, 1);
     assert!(
         matches!(

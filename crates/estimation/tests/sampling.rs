@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use stillpoint_estimation::{Purpose, ransac_iterations, rng};
 
-/// The numbers are part of what makes a run repeatable: a change of them changes every result.
+/// Pinned, since a change of the numbers changes every result.
 #[test]
 fn numbers_are_pinned() {
     let mut first = rng(0, 0, Purpose::FUNDAMENTAL);
@@ -45,7 +45,7 @@ fn numbers_are_uniform() {
     assert!(cells.iter().all(|c| (*c as f64 - 1e4).abs() < 4.0 * 95.0));
 }
 
-/// All pairs of indices are drawn, each about equally often.
+/// All pairs of indices are drawn, about equally often.
 #[test]
 fn subsets_are_uniform() {
     let mut random = rng(3, 4, Purpose::FUNDAMENTAL);
@@ -74,7 +74,7 @@ proptest! {
         }
     }
 
-    /// The number is enough, one fewer is not, unless a bound holds it.
+    /// The number suffices and one fewer does not, unless limited.
     #[test]
     fn iterations_reach_the_confidence(w in 0.05..0.95f64, size in 1usize..8, confidence in 0.5..0.999f64) {
         let k = ransac_iterations(confidence, w, size, (1, 1_000_000));

@@ -1,4 +1,4 @@
-//! Fundamental matrix, homography and the degeneracy test on pairs whose truth is known.
+//! Fundamental matrix, homography and the degeneracy test on pairs with known truth.
 
 use proptest::prelude::*;
 use stillpoint_estimation::{
@@ -28,7 +28,6 @@ fn normal(random: &mut Rng) -> f64 {
     (0..12).map(|_| random.unit() - 0.5).sum()
 }
 
-/// What the pairs of a scene show.
 #[derive(Clone, Copy)]
 enum Shape {
     /// Depths from 0.8 m to 5 m.
@@ -37,7 +36,7 @@ enum Shape {
     Plane,
 }
 
-/// Pairs under a motion, with noise in both images; the first `wrong` of them have gone 5 px to 30 px astray.
+/// Pairs under a motion, with noise in both images; the first `wrong` of them are off by 5 px to 30 px.
 fn pairs(
     motion: &Se3,
     shape: Shape,
@@ -69,7 +68,7 @@ fn pairs(
 
 #[allow(clippy::disallowed_methods)]
 fn libm_cos(x: f64) -> f64 {
-    // A test's scene need not have the same bits on every machine.
+    // Test scenes need not be bit-identical on every machine.
     x.cos()
 }
 
@@ -89,7 +88,7 @@ fn motion() -> impl Strategy<Value = Se3> {
         })
 }
 
-/// The sign of a matrix that is known up to scale is free.
+/// Distance up to scale and sign.
 fn distance(a: &Mat3, b: &Mat3) -> f64 {
     let (a, b) = (a / a.norm(), b / b.norm());
     (a - b).norm().min((a + b).norm())
@@ -155,17 +154,17 @@ proptest! {
         let found = find_fundamental(&all, &TwoViewOptions::default(), rng(seed, 1, Purpose::FUNDAMENTAL)).unwrap();
         let f = &found.f_matrix;
         prop_assert!((f.norm() - 1.0).abs() < 1e-12);
-        // In numbers of the order of one; in pixels the determinant is tiny for any matrix.
+        // In coordinates of order one; in pixels the determinant is tiny for any matrix.
         let unit = in_unit(f);
         prop_assert!((unit / unit.norm()).determinant().abs() < 1e-12);
         prop_assert_eq!(found.count, found.inliers.iter().filter(|i| **i).count());
         let kept = found.inliers[120..].iter().filter(|i| **i).count();
         let wrong = found.inliers[..120].iter().filter(|i| **i).count();
-        // The gate is 3.3 standard deviations of a Sampson distance; some 7 % of the outliers went along their lines.
-        // Of 1000 scenes, 998 keep more than 266 and one less than 250.
+        // The gate is 3.3 standard deviations of a Sampson distance; some 7 % of the outliers lie near their lines. Of
+        // 1000 scenes, 998 keep more than 266 and one less than 250.
         prop_assert!(kept >= 224, "kept {kept}");
         prop_assert!(wrong <= 40, "wrong {wrong}");
-        // Exact pairs of the same scene are near the lines that noisy ones gave.
+        // Exact pairs of the same scene are near the lines from noisy ones.
         let mut exact: Vec<f64> = pairs(&motion, Shape::Deep, 400, 0, 0.0, &mut rng(0, 0, Purpose(1000)))
             .into_iter()
             .map(|(p, q)| sampson_squared(f, p, q).sqrt())
@@ -208,7 +207,7 @@ proptest! {
         prop_assert!(kept >= 145, "kept {kept}");
         prop_assert!(found.inliers[..120].iter().all(|i| !i));
         prop_assert_eq!(found.count, kept);
-        // The fit's error is sigma sqrt(2) sqrt(8 / 180) in the mean, and some times that in a corner.
+        // The fit's error is sigma sqrt(2) sqrt(8 / 180) in the mean, and larger in corners.
         let exact = pairs(&motion, Shape::Plane, 300, 0, 0.0, &mut rng(0, 0, Purpose(1000)));
         let squared: Vec<f64> = exact[120..].iter().map(|(p, q)| transfer_squared(&found.h_matrix, *p, *q)).collect();
         let rms = (squared.iter().sum::<f64>() / 180.0).sqrt();
@@ -256,7 +255,7 @@ fn degeneracies_are_distinguished() {
     }
 }
 
-/// Fewer samples suffice when there are fewer outliers, and the bounds hold.
+/// Fewer outliers need fewer samples, within the bounds.
 #[test]
 fn iterations_adapt_within_their_bounds() {
     let motion = Se3::exp(&Vec6::new(0.1, 0.03, 0.02, 0.01, 0.02, 0.0));
@@ -306,11 +305,9 @@ fn bad_pairs_are_outliers_and_too_few_give_nothing() {
     assert!(find_homography(&all, &options, random.clone()).is_some());
     assert!(find_fundamental(&all[..7], &options, random.clone()).is_none());
     assert!(find_homography(&all[..4], &options, random.clone()).is_none());
-    // All pairs the same: nothing to fit.
     let same = vec![([10.0, 20.0], [11.0, 21.0]); 50];
     assert!(find_fundamental(&same, &options, random.clone()).is_none());
     assert!(find_homography(&same, &options, random.clone()).is_none());
-    // A line of pixels, all still.
     let line: Vec<PixelPair> = (0..50)
         .map(|i| {
             (
@@ -326,7 +323,7 @@ fn bad_pairs_are_outliers_and_too_few_give_nothing() {
     assert_eq!(nothing.degeneracy, Degeneracy::LowMotion);
 }
 
-/// Points that a homography would bring from behind the camera are refused.
+/// Homographies that map points from behind the camera are refused.
 #[test]
 fn a_homography_keeps_points_in_front() {
     let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
@@ -340,7 +337,7 @@ fn a_homography_keeps_points_in_front() {
 
 #[test]
 fn the_epipole_has_no_line() {
-    // A camera that moves along its axis has the epipole at the principal point.
+    // For motion along the optical axis the epipole is the principal point.
     let f = true_fundamental(&Se3::new(Default::default(), Vec3::z()));
     assert_eq!(
         epipolar_distance(&f, [320.0, 240.0], [5.0, 5.0]),

@@ -1,6 +1,7 @@
-//! Time of each stage of the extraction, and of matching: `cargo bench -p stillpoint-features`.
+//! Benchmarks of each stage of the extraction, and of matching: `cargo bench -p stillpoint-features`.
 //!
-//! On a generated texture of 640x480, and on a real frame when there is one under `STILLPOINT_DATA` (else `../shared/data`).
+//! On a generated texture of 640x480, and on a real frame if there is one under `STILLPOINT_DATA` (else
+//! `../shared/data`).
 
 use std::path::PathBuf;
 
@@ -11,7 +12,7 @@ use stillpoint_features::{
 };
 use stillpoint_imaging::{ColourImage, GrayImage, Pyramid, Simd};
 
-/// Counts allocations: a second image of a size should make none.
+/// Counts allocations: a second image of the same size should make none.
 #[global_allocator]
 static ALLOCATIONS: AllocProfiler = AllocProfiler::system();
 
@@ -19,14 +20,13 @@ fn main() {
     divan::main();
 }
 
-/// What kernels run on where they do not run on portable code.
+/// The vector instruction set of the target.
 const VECTORS: Simd = if cfg!(target_arch = "aarch64") {
     Simd::Neon
 } else {
     Simd::Avx2
 };
 
-/// What the kernels run on.
 const CASES: [(Source, Simd); 4] = [
     (Source::Texture, Simd::Scalar),
     (Source::Texture, VECTORS),
@@ -59,7 +59,7 @@ fn texture() -> GrayImage {
     image
 }
 
-// A benchmark may look for its data; the library may not.
+// Benchmarks may read environment variables; the library may not.
 #[allow(clippy::disallowed_methods)]
 fn real_files() -> Option<Vec<PathBuf>> {
     let root = std::env::var_os("STILLPOINT_DATA").map_or_else(
@@ -89,7 +89,7 @@ fn real() -> Option<GrayImage> {
     load(files.get(files.len() / 2)?)
 }
 
-/// The image of a case; the texture where there is no real one.
+/// The image of a case; the texture if there is no real one.
 fn picture(source: Source) -> GrayImage {
     match source {
         Source::Texture => texture(),
@@ -105,7 +105,7 @@ fn whole_extraction(bencher: Bencher, (source, simd): (Source, Simd)) {
     bencher.bench_local(|| extractor.extract(black_box(&image), &mut features));
 }
 
-/// Another real frame each time, as in use: repeating one image flatters the branch predictor.
+/// Changing real frames, as in use: repeating one image flatters the branch predictor.
 #[divan::bench(args = [Simd::Scalar, VECTORS], sample_count = 150)]
 fn whole_extraction_changing(bencher: Bencher, simd: Simd) {
     let files = real_files().unwrap_or_default();
@@ -246,16 +246,16 @@ fn windows(bencher: Bencher) {
     });
 }
 
-/// What the flow is given of the motion.
+/// Initial information on the motion.
 #[derive(Clone, Copy, Debug)]
 enum Start {
-    /// Nothing: the search uses all levels.
+    /// None: the search uses all levels.
     Point,
-    /// Positions that are wrong by up to 1.5 px in x and y.
+    /// Positions with errors of up to 1.5 px in x and y.
     Guess,
 }
 
-/// A thousand points from a real frame to the next, and back. The texture is tracked to itself where there is no real frame.
+/// A thousand points from a real frame to the next, and back. Without real frames the texture is tracked to itself.
 #[divan::bench(args = [
     (Start::Point, Simd::Scalar),
     (Start::Point, VECTORS),

@@ -1,4 +1,4 @@
-//! AVX2 kernels of this crate, each the twin of a scalar function that gives the same bits. The only unsafe code of the crate.
+//! AVX2 kernels, each bit-identical to a scalar function. The only unsafe code of the crate.
 #![allow(unsafe_code)]
 
 mod describe;
@@ -15,7 +15,8 @@ pub(crate) use describe::{describe, moments};
 pub(crate) use fast::{find_row_maxima, score_rows};
 pub(crate) use flow::{compare_window, sample_window};
 
-/// Every entry calls this, so that no instruction runs on a machine that lacks it. The detection is cached by the standard library.
+/// Called by every entry point, so that no instruction runs on a machine that lacks it. The detection is cached by the
+/// standard library.
 #[inline]
 fn check() {
     assert!(Simd::Avx2.has_avx2(), "AVX2 kernel called without AVX2");
@@ -33,14 +34,14 @@ unsafe fn load(slice: &[u8], index: usize) -> __m256i {
     unsafe { _mm256_loadu_si256(slice.as_ptr().add(index).cast()) }
 }
 
-/// [`matching::best_two_portable`] with the machine's instruction to count bits.
+/// [`matching::best_two_portable`] with the POPCNT instruction.
 pub(crate) fn best_two(
     searched: &Searched<'_>,
     window: &Window,
     descriptor: &Descriptor,
     accept: impl FnMut(u32) -> bool,
 ) -> Option<BestTwo> {
-    /// The same, compiled for the instruction.
+    /// Compiled with POPCNT.
     #[target_feature(enable = "popcnt")]
     fn kernel(
         searched: &Searched<'_>,
@@ -55,14 +56,14 @@ pub(crate) fn best_two(
     unsafe { kernel(searched, window, descriptor, accept) }
 }
 
-/// [`matching::match_brute_force_portable`] with the machine's instruction to count bits.
+/// [`matching::match_brute_force_portable`] with the POPCNT instruction.
 pub(crate) fn match_brute_force(
     query: &[Descriptor],
     train: &[Descriptor],
     max_distance: u32,
     ratio: f32,
 ) -> Vec<Option<u32>> {
-    /// The same, compiled for the instruction.
+    /// Compiled with POPCNT.
     #[target_feature(enable = "popcnt")]
     fn kernel(
         query: &[Descriptor],

@@ -1,14 +1,13 @@
-//! The descriptor of a keypoint: the sampling pattern, rotated to its orientation, on the smoothed image.
+//! ORB descriptor: the rotated sampling pattern on the smoothed image.
 
 use stillpoint_imaging::{GrayImage, Simd};
 
 use crate::{Descriptor, pattern::PATTERN};
 
-/// Largest distance in x or y of a rotated sample from its keypoint, px: the pattern's radius is 18.39, of samples 13 px aside both ways (Rublee et
-/// al. 2011).
+/// Largest distance in x or y of a rotated sample from its keypoint, px: the pattern's radius is 18.39, of samples 13
+/// px aside both ways (Rublee et al. 2011).
 pub(crate) const REACH: usize = 18;
 
-/// Computes descriptors, with its tables.
 #[derive(Clone, Debug)]
 pub(crate) struct Brief {
     /// x and y of the first points of all tests, then of the second points, px.
@@ -29,7 +28,7 @@ impl Brief {
         }
     }
 
-    /// The descriptor at (x, y), at least [`REACH`] px from the border of `smooth`, turned by the angle of this (cosine, sine).
+    /// The descriptor at (x, y), at least [`REACH`] px from the border of `smooth`, rotated by (cosine, sine).
     pub(crate) fn describe(
         &self,
         smooth: &GrayImage,
@@ -72,8 +71,8 @@ pub(crate) fn rotate_scalar(
     }
 }
 
-/// The nearest whole number of a small value, halves rounded to even. Near 1.5 x 2^23 floats are whole numbers, so the addition rounds; unlike the
-/// function of the standard library this needs no call on machines without a rounding instruction.
+/// Rounds a small value to the nearest integer, halves to even. Near 1.5 x 2^23 floats are integers, so the addition
+/// rounds; unlike the standard function it needs no call on machines without a rounding instruction.
 fn nearest(value: f32) -> i32 {
     /// 1.5 x 2^23, where floats of single precision are whole numbers.
     const WHOLE: f32 = 12_582_912.0;

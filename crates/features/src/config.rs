@@ -6,24 +6,27 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct OrbConfig {
-    /// Keypoints wanted per image, 100..=10000. 1000 is what the peers use at 640x480: fewer lose accuracy, more cost time in every later stage.
+    /// Keypoints per image, 100..=10000. 1000 is common in comparable systems at 640x480: fewer lose accuracy, more
+    /// cost time in every later stage.
     pub features: usize,
-    /// Levels of the image pyramid, 1..=16. Eight levels of 1.2 cover a change of distance by 3.6.
+    /// Pyramid levels, 1..=16. Eight levels of 1.2 cover a change of distance by 3.6.
     pub levels: usize,
-    /// Ratio of the sizes of adjacent levels, above 1 up to 2. With 1.2 a corner is found again at the next level, whatever its scale.
+    /// Scale factor between levels, above 1 up to 2. With 1.2 a corner of any scale is found again at the next level.
     pub scale_factor: f32,
-    /// FAST threshold, grey levels, 1..=254: how much brighter or darker than the centre the arc must be. 20 keeps clear of sensor noise.
+    /// FAST threshold, grey levels, 1..=254: how much brighter or darker than the centre the arc must be. 20 is above
+    /// sensor noise.
     pub fast_threshold: u8,
-    /// FAST threshold in cells of about 32 px where the other finds nothing, 1..=`fast_threshold`. 7 still finds corners on plain walls.
+    /// FAST threshold in cells of about 32 px where the other finds nothing, 1..=`fast_threshold`. 7 still finds
+    /// corners on plain walls.
     pub fast_threshold_low: u8,
-    /// Whether to refine the position of a corner to a fraction of its level's pixel. On real frames 0.1 s apart this takes a third off the median
-    /// distance of matches to their epipolar lines.
+    /// Whether to refine corner positions to subpixel accuracy. On real frames 0.1 s apart this reduces the median
+    /// distance of matches to their epipolar lines by a third.
     pub subpixel: bool,
 }
 
 impl Default for OrbConfig {
     fn default() -> Self {
-        // Those of ORB-SLAM2's RGB-D settings (Mur-Artal, Tardos 2017); the refinement to a fraction of a pixel is our own.
+        // As in ORB-SLAM2's RGB-D settings (Mur-Artal, Tardos 2017), except for the subpixel refinement.
         Self {
             features: 1000,
             levels: 8,
@@ -36,7 +39,7 @@ impl Default for OrbConfig {
 }
 
 impl OrbConfig {
-    /// Every value out of range, as `field: expected, found`; empty when all is well.
+    /// Every value out of range, as `field: expected, found`.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();

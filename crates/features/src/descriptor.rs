@@ -23,8 +23,8 @@ impl Descriptor {
         bits(0) + bits(1) + bits(2) + bits(3)
     }
 
-    /// The descriptor with the least median distance to all given (itself included, at distance 0; the lower median of an even number).
-    /// The first one wins a tie. `None` when there is none.
+    /// The descriptor with the smallest median distance to all given ones (including itself; the lower median of an
+    /// even number). Ties go to the first. `None` for no descriptors.
     #[must_use]
     pub fn medoid<'a>(descriptors: impl IntoIterator<Item = &'a Descriptor>) -> Option<Descriptor> {
         let all: Vec<Descriptor> = descriptors.into_iter().copied().collect();

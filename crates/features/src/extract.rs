@@ -1,4 +1,4 @@
-//! ORB extraction: an image in, keypoints with descriptors out.
+//! ORB extraction: keypoints with descriptors from an image.
 
 use stillpoint_imaging::{GrayImage, Pyramid, Simd, workers};
 
@@ -11,21 +11,21 @@ use crate::{
     subpixel::refine,
 };
 
-/// Distance of keypoints to the border of their level, px: the rotated pattern reaches 18 px, and smoothing repeats the border beyond that. As in
-/// ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Distance of keypoints to the border of their level, px: the rotated pattern reaches 18 px, and smoothing repeats the
+/// border beyond that. As in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MARGIN: usize = 19;
 
-/// Keypoints that are described together, at least: some 50 us of work. Chosen: less is not worth a thread.
+/// Minimum number of keypoints per thread for descriptors: some 50 us of work. Chosen: less is not worth a thread.
 const DESCRIBED_TOGETHER: usize = 150;
 
 /// A corner with its scale and orientation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Keypoint {
-    /// Column in the image given to the extractor (level 0), px; pixel centres are at integers.
+    /// Column in the input image (level 0), px; pixel centres are at integers.
     pub x: f32,
-    /// Row in the image given to the extractor (level 0), px.
+    /// Row in the input image (level 0), px.
     pub y: f32,
-    /// Pyramid level where it was found.
+    /// Pyramid level.
     pub level: u8,
     /// Direction of the intensity centroid, rad, from x towards y, in [-pi, pi].
     pub angle: f32,
@@ -33,7 +33,7 @@ pub struct Keypoint {
     pub response: f32,
 }
 
-/// What an image gave: descriptor `i` belongs to keypoint `i`. Sorted by level.
+/// Features of an image: descriptor `i` belongs to keypoint `i`. Sorted by level.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Features {
     /// The keypoints.
@@ -62,28 +62,26 @@ impl Features {
     }
 }
 
-/// The ORB extractor (Rublee et al., ICCV 2011) with an even spread over image and scales. The large buffers are reused; levels and
-/// keypoints are shared among [`Workers`](stillpoint_imaging::Workers).
+/// The ORB extractor (Rublee et al., ICCV 2011) with an even spread over image and scales. Reuses large buffers; levels
+/// and keypoints are shared among [`Workers`](stillpoint_imaging::Workers).
 #[derive(Clone, Debug)]
 pub struct OrbExtractor {
     config: OrbConfig,
     simd: Simd,
     pyramid: Pyramid,
-    /// Of the image before. Both take turns, so that keeping it costs no copy.
+    /// Of the previous image. Both alternate, so that keeping it costs no copy.
     previous_pyramid: Pyramid,
     detectors: Vec<FastDetector>,
     spread: Spread,
     chosen: Vec<Vec<Corner>>,
-    /// The same with their levels.
     all: Vec<(usize, Corner)>,
-    /// What they give.
     described: Vec<(Keypoint, Descriptor)>,
     quotas: Vec<usize>,
     brief: Brief,
 }
 
 impl OrbExtractor {
-    /// An extractor. Values of `config` out of range (see [`OrbConfig::problems`]) are brought into range.
+    /// An extractor. Values of `config` out of range (see [`OrbConfig::problems`]) are clamped.
     #[must_use]
     pub fn new(config: &OrbConfig, simd: Simd) -> Self {
         let mut config = config.clone();
@@ -105,7 +103,7 @@ impl OrbExtractor {
         }
     }
 
-    /// Extracts the features of `image` into `out`, replacing what it holds.
+    /// Extracts the features of `image` into `out`, replacing its contents.
     ///
     /// Images too small for a patch at some level give no features there.
     pub fn extract(&mut self, image: &GrayImage, out: &mut Features) {
@@ -118,13 +116,13 @@ impl OrbExtractor {
         self.describe(out);
     }
 
-    /// Keypoints wanted per image.
+    /// Number of keypoints per image.
     #[must_use]
     pub fn wanted(&self) -> usize {
         self.config.features
     }
 
-    /// From the next image on so many keypoints are wanted.
+    /// Sets the number of keypoints per image.
     pub fn set_wanted(&mut self, features: usize) {
         self.config.features = features;
     }
@@ -135,7 +133,7 @@ impl OrbExtractor {
         &self.pyramid
     }
 
-    /// The pyramid of the image before the last one, for [`crate::Flow`]; its images are empty as long as there was none.
+    /// The pyramid of the image before the last one, for [`crate::Flow`]; empty if there was none.
     #[must_use]
     pub fn previous_pyramid(&self) -> &Pyramid {
         &self.previous_pyramid
@@ -154,13 +152,14 @@ impl OrbExtractor {
             });
     }
 
-    /// Shares the wanted features among the levels in proportion to their area. A level with fewer corners gives the rest to the others.
+    /// Distributes the features among the levels in proportion to their area. A level with fewer corners leaves the
+    /// rest to the others.
     fn share_quota(&mut self) {
         let shrink = 1.0 / f64::from(self.config.scale_factor * self.config.scale_factor);
         let capacity = |level: usize| self.detectors[level].corners().len();
         self.quotas.fill(0);
         let mut remaining = self.config.features;
-        // Each round fills at least one level or hands out everything, so there are no more rounds than levels.
+        // Each round fills at least one level or distributes everything, so there are no more rounds than levels.
         for _ in 0..self.config.levels {
             let weights = (0..self.config.levels).scan(1.0, |weight, level| {
                 let this = *weight;
@@ -191,7 +190,7 @@ impl OrbExtractor {
         }
     }
 
-    /// Chooses corners from the coarsest level to the finest; what a level misses or exceeds its quota by goes to the next.
+    /// Chooses corners from the coarsest level to the finest; deviations from a quota carry over to the next level.
     fn choose(&mut self) {
         let mut carry = 0_isize;
         for level in (0..self.config.levels).rev() {
@@ -228,8 +227,8 @@ impl OrbExtractor {
     fn describe_one(&self, level: usize, corner: &Corner) -> (Keypoint, Descriptor) {
         let (image, smooth) = (self.pyramid.level(level), self.pyramid.smooth(level));
         let (x, y) = (usize::from(corner.x), usize::from(corner.y));
-        // The orientation comes from the sharp image; the descriptor compares single pixels, which only a smoothed one makes
-        // stable (Rublee et al., ICCV 2011).
+        // Orientation uses the sharp image; the descriptor compares single pixels, which are stable only after
+        // smoothing (Rublee et al., ICCV 2011).
         let moments = moments(image, x, y, self.simd);
         let (dx, dy) = if self.config.subpixel {
             refine(self.detectors[level].scores(), x, y)

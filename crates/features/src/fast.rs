@@ -1,7 +1,8 @@
 //! FAST-9/16 corners of one image.
 //!
-//! The score of a pixel is the largest threshold `t` at which nine adjacent pixels of the circle of 16 around it are all brighter than the centre by
-//! at least `t`, or all darker: it is a corner at threshold `t` exactly when its score is above `t` (Rosten and Drummond, ECCV 2006).
+//! The score of a pixel is the largest threshold `t` at which nine adjacent pixels of the circle of 16 around it are
+//! all brighter than the centre by at least `t`, or all darker: it is a corner at threshold `t` if its score is above
+//! `t` (Rosten and Drummond, ECCV 2006).
 
 mod cells;
 
@@ -30,10 +31,9 @@ pub(crate) const CIRCLE: [(i32, i32); 16] = [
     (-1, 3),
 ];
 
-/// Rows that are scored and searched in turn, a number. Chosen: their scores, some kilobytes, stay in the cache.
+/// Number of rows that are scored and searched together. Chosen: their scores, some kilobytes, stay in the cache.
 const ROWS: usize = 8;
 
-/// A corner of one level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Corner {
     pub(crate) x: u16,
@@ -50,12 +50,11 @@ pub(crate) struct FastDetector {
     simd: Simd,
 }
 
-/// What to look for and where.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FastOptions {
     pub(crate) high: u8,
     pub(crate) low: u8,
-    /// Corners keep this distance to the border, px; at least 4.
+    /// Distance of corners to the border, px; at least 4.
     pub(crate) margin: usize,
 }
 
@@ -67,21 +66,22 @@ impl FastDetector {
         }
     }
 
-    /// Corners after non-maximum suppression, row by row: those above `high`, and in cells without any of these those above `low`.
+    /// Corners after non-maximum suppression, row by row: those above `high`, and in cells without any of these those
+    /// above `low`.
     pub(crate) fn detect(&mut self, image: &GrayImage, options: &FastOptions) -> &[Corner] {
         debug_assert!(options.margin >= 4);
         self.corners.clear();
         let (width, height) = (image.width(), image.height());
         if (self.scores.width(), self.scores.height()) != (width, height) {
             self.scores.resize(width, height);
-            // What lies outside the searched rectangle is never written again.
+            // The region outside the searched rectangle is not written again.
             self.scores.data_mut().fill(0);
         }
         if width <= 2 * options.margin || height <= 2 * options.margin {
             return &self.corners;
         }
         self.cells.lay_out((width, height), options);
-        // Rows of scores are looked at while they are in the nearest cache. One row more on each side: suppression looks at all neighbours of a corner.
+        // Rows of scores are searched while in the nearest cache. One more row on each side is needed for suppression.
         let (first, end) = (options.margin, height - options.margin);
         let mut scored = first - 1;
         for start in (first..end).step_by(ROWS) {
@@ -104,7 +104,6 @@ impl FastDetector {
         &self.corners
     }
 
-    /// The corners of the last call of `detect`.
     pub(crate) fn corners(&self) -> &[Corner] {
         &self.corners
     }
@@ -114,7 +113,6 @@ impl FastDetector {
         &self.scores
     }
 
-    /// Corners of some rows, those above them having been looked at.
     fn find_maxima(&mut self, rows: Range<usize>, options: &FastOptions) {
         let margin = options.margin;
         let columns = margin..self.scores.width() - margin;
@@ -141,7 +139,6 @@ impl FastDetector {
     }
 }
 
-/// Scores of some rows, from one column within the margin to the other.
 fn score_rows(
     image: &GrayImage,
     rows: Range<usize>,
@@ -189,7 +186,8 @@ pub(crate) fn score_span(
     }
 }
 
-/// Pixels that the portable kernel scores at once: arrays of 16 bytes become vector registers of 128 bits wherever the machine has them.
+/// Number of pixels per block of the portable kernel: arrays of 16 bytes become vector registers of 128 bits wherever
+/// available.
 const LANES: usize = 16;
 
 fn lanes<const N: usize>(a: [u8; N], b: [u8; N], f: impl Fn(u8, u8) -> u8) -> [u8; N] {
@@ -218,7 +216,7 @@ fn score_lanes<const N: usize>(
             lanes(centre, dark, u8::saturating_sub),
         )
     };
-    // Nine adjacent pixels of 16 hold at least one of any two opposite ones, so these bound the score.
+    // Nine adjacent pixels of 16 contain at least one of any two opposite ones, so these bound the score.
     let (mut bright, mut dark) = ([u8::MAX; N], [u8::MIN; N]);
     for k in [0, 4, 2, 6] {
         let (a, b) = (at(k), at(k + 8));
@@ -244,8 +242,8 @@ fn score_lanes<const N: usize>(
     score_of(bright, dark).map(|score| if score > low { score } else { 0 })
 }
 
-/// Appends the pixels `columns` of row `y` whose score exceeds their column's threshold and is above that of the neighbours before and not below that
-/// of the neighbours after them: of equal neighbours the first one wins.
+/// Appends the pixels `columns` of row `y` whose score exceeds their column's threshold, is above that of the preceding
+/// neighbours and not below that of the following ones: of equal neighbours the first wins.
 fn find_row_maxima(
     scores: &GrayImage,
     y: usize,
@@ -323,7 +321,7 @@ mod tests {
         fn scores_are_the_largest_threshold_of_the_definition(
             width in 9_usize..80, height in 9_usize..14, palette in any::<[u8; 3]>(), seed in any::<u64>(),
         ) {
-            // Few greys, so that arcs of nine occur.
+            // Few grey values, so that arcs of nine occur.
             let mut state = seed;
             let data = (0..width * height).map(|_| {
                 state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);

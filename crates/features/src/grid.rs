@@ -1,4 +1,4 @@
-//! Which keypoints are near a position.
+//! Spatial index of keypoints.
 
 use std::ops::RangeInclusive;
 
@@ -6,15 +6,17 @@ use crate::Window;
 
 /// Side of a cell, px. Chosen: search windows are 10 to 100 px wide, so that one meets a few cells.
 const CELL: f32 = 16.0;
-/// Cells per side at most, so that odd bounds do not ask for absurd memory. Chosen: cells grow beyond 8192 px a side only.
+/// Maximum number of cells per side, so that odd bounds do not use excessive memory. Chosen: cells grow beyond 8192 px
+/// a side only.
 const MAX_CELLS: usize = 512;
 
-/// Positions that a grid can hold: those that 16 bits number.
+/// Maximum number of positions in a grid: those that 16 bits number.
 const MAX_POSITIONS: usize = u16::MAX as usize;
 
-/// Keypoint indices in square cells. Positions outside the bounds are held by the nearest cell at the border and are found all the same.
+/// Keypoint indices in square cells. Positions outside the bounds belong to the nearest border cell and are found as
+/// well.
 ///
-/// It does not hold the positions themselves, which are its caller's: a map keeps thousands of grids.
+/// The positions themselves are stored by the caller: a map keeps thousands of grids.
 #[derive(Clone, Debug, Default)]
 pub struct FeatureGrid {
     bounds: [f32; 4],
@@ -28,8 +30,8 @@ pub struct FeatureGrid {
 }
 
 impl FeatureGrid {
-    /// A grid of `positions` (px) with their `levels`; `bounds` are min x, min y, max x, max y. Positions that are not finite are left out, those from
-    /// number 65535 on too, and of lists of different length the common part is taken.
+    /// A grid of `positions` (px) with their `levels`; `bounds` are min x, min y, max x, max y. Positions that are not
+    /// finite, and those from number 65535 on, are left out; of lists of different length the common part is used.
     #[must_use]
     pub fn build(positions: &[[f32; 2]], levels: &[u8], bounds: [f32; 4]) -> Self {
         let mut grid = Self::default();
@@ -55,7 +57,7 @@ impl FeatureGrid {
         };
         for (_, (position, _)) in known() {
             let cell = self.cell_of(position[0], position[1]);
-            // Counted one place further on, so that running sums give where cells begin.
+            // Shifted by one, so that running sums give the starts of cells.
             self.starts[cell + 1] += 1;
         }
         for cell in 1..self.starts.len() {
@@ -73,7 +75,7 @@ impl FeatureGrid {
             self.levels[usize::from(*slot)] = level;
             *slot += 1;
         }
-        // Every start now is its cell's end, i.e. the start of the next.
+        // Every start is now its cell's end, i.e. the start of the next.
         self.starts.rotate_right(1);
         self.starts[0] = 0;
     }
@@ -84,7 +86,7 @@ impl FeatureGrid {
         self.bounds
     }
 
-    /// Number of positions held.
+    /// Number of positions.
     #[must_use]
     pub fn len(&self) -> usize {
         self.indices.len()
@@ -96,14 +98,14 @@ impl FeatureGrid {
         self.indices.is_empty()
     }
 
-    /// Bytes that it takes.
+    /// Memory, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         size_of::<Self>() + 2 * (self.starts.len() + self.indices.len()) + self.levels.len()
     }
 
-    /// Calls `f` with the index of each position at most `radius` px from (x, y) in Euclidean distance whose level is in `levels`, cell by cell and
-    /// within a cell by index. `positions` are those that it was built of.
+    /// Calls `f` with the index of each position at most `radius` px from (x, y) in Euclidean distance whose level is
+    /// in `levels`, cell by cell and within a cell by index. `positions` must be those it was built from.
     pub fn for_each_in(
         &self,
         positions: &[[f32; 2]],
@@ -123,7 +125,7 @@ impl FeatureGrid {
         self.for_each_with_level(positions, &window, |index, _| f(index));
     }
 
-    /// As [`FeatureGrid::for_each_in`], passing the level along.
+    /// As [`FeatureGrid::for_each_in`], with the level.
     #[inline]
     pub(crate) fn for_each_with_level(
         &self,
@@ -159,7 +161,7 @@ impl FeatureGrid {
     }
 
     fn column_of(&self, x: f32) -> usize {
-        // The cast saturates, so far positions land in the border cells.
+        // The cast saturates, so distant positions fall into border cells.
         (((x - self.bounds[0]) * self.cells_per_px[0]) as usize).min(self.columns - 1)
     }
 

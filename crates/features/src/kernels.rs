@@ -10,7 +10,7 @@ use crate::{
     spread::Spread,
 };
 
-/// The sum of the distances of all pairs, each by [`Descriptor::distance`] or by its portable twin.
+/// The sum of the distances of all pairs, each by [`Descriptor::distance`] or by its portable version.
 #[must_use]
 pub fn distances(descriptors: &[Descriptor], simd: Simd) -> u32 {
     let sum = |distance: fn(&Descriptor, &Descriptor) -> u32| {
@@ -46,7 +46,7 @@ impl Stages {
         }
     }
 
-    /// FAST scores, suppression and choice of threshold; the number of corners.
+    /// FAST scores, suppression and choice of threshold; returns the number of corners.
     pub fn fast(&mut self, image: &GrayImage) -> usize {
         let options = FastOptions {
             high: 20,
@@ -56,7 +56,7 @@ impl Stages {
         self.detector.detect(image, &options).len()
     }
 
-    /// Spreads `quota` of the corners of the last [`Stages::fast`]; the number chosen.
+    /// Spreads `quota` of the corners of the last [`Stages::fast`]; returns the number chosen.
     pub fn spread(&mut self, image: &GrayImage, quota: usize) -> usize {
         let size = (image.width(), image.height());
         self.chosen.clear();
@@ -65,7 +65,7 @@ impl Stages {
         self.chosen.len()
     }
 
-    /// Orientation of all chosen corners; the sum of their cosines.
+    /// Orientation of all chosen corners; returns the sum of their cosines.
     pub fn orient(&self, image: &GrayImage) -> f32 {
         let cosine = |corner: &Corner| {
             direction(moments(image, corner.x.into(), corner.y.into(), self.simd)).0
@@ -73,7 +73,7 @@ impl Stages {
         self.chosen.iter().map(cosine).sum()
     }
 
-    /// Descriptors of all chosen corners, turned by an arbitrary angle; their exclusive or.
+    /// Descriptors of all chosen corners, rotated by an arbitrary angle; returns their exclusive or.
     pub fn describe(&self, smooth: &GrayImage) -> Descriptor {
         let mut all = [0; 4];
         for corner in &self.chosen {

@@ -1,7 +1,7 @@
 //! ORB features, descriptor and projection matching, and optical flow.
 //!
-//! Answers: where the corners of an image are, how each looks, which of two sets look alike, and where points of one image are in the next. Does not know cameras, poses or landmarks.
-//! Kernels are chosen at run time through [`stillpoint_imaging::Simd`]; all give the same bits.
+//! Independent of cameras, poses and landmarks. Kernels are chosen at run time through [`stillpoint_imaging::Simd`];
+//! all give the same bits.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

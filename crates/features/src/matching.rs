@@ -1,14 +1,12 @@
-//! Which descriptors are alike.
-//!
-//! Answers: the best candidates in a search window, mutual best matches of two sets, and which matches agree on how the image turned. Does not know
-//! landmarks or poses: the caller says where to look.
+//! Descriptor matching: best candidates in a search window, mutual best matches of two sets, and consistency of
+//! rotations.
 
 #[cfg(target_arch = "x86_64")]
 use stillpoint_imaging::Simd;
 
 use crate::{Descriptor, FeatureGrid};
 
-/// A search window: a disc in the image and the pyramid levels to accept.
+/// A search window: a disc in the image and the accepted pyramid levels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
     /// Column of the centre, px, in the coordinates of the grid.
@@ -17,37 +15,37 @@ pub struct Window {
     pub y: f32,
     /// Radius, px.
     pub radius: f32,
-    /// Finest level accepted.
+    /// Finest accepted level.
     pub min_level: u8,
-    /// Coarsest level accepted.
+    /// Coarsest accepted level.
     pub max_level: u8,
 }
 
-/// The best candidate, and how good the second best is.
+/// The best candidate, and the distance of the second best.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BestTwo {
     /// Index of the best.
     pub index: u32,
     /// Its distance, bits.
     pub distance: u32,
-    /// Distance of the second best, bits; `u32::MAX` when there is none.
+    /// Distance of the second best, bits; `u32::MAX` if there is none.
     pub second_distance: u32,
-    /// Level of the second best; 0 when there is none. A ratio test makes sense between candidates of one level only.
+    /// Level of the second best; 0 if there is none. A ratio test is meaningful only between candidates of one level.
     pub second_level: u8,
 }
 
 /// Keypoints to be searched.
 #[derive(Clone, Copy, Debug)]
 pub struct Searched<'a> {
-    /// Where they are.
+    /// Grid of the positions.
     pub grid: &'a FeatureGrid,
-    /// Of what `grid` was built.
+    /// The positions from which `grid` was built.
     pub positions: &'a [[f32; 2]],
-    /// What each looks like.
+    /// Their descriptors.
     pub descriptors: &'a [Descriptor],
 }
 
-/// The best two of the accepted keypoints in `window`; the first visited wins a tie. `None` when there is no candidate.
+/// The best two of the accepted keypoints in `window`; ties go to the first visited. `None` if there is no candidate.
 pub fn best_two(
     searched: &Searched<'_>,
     window: &Window,
@@ -111,8 +109,9 @@ pub(crate) fn best_two_portable(
     best.map(|(found, _)| found)
 }
 
-/// For each query the index of its match in `train`: mutually nearest (lowest index wins a tie), at most `max_distance` bits apart, and nearer than
-/// `ratio` times the distance of the second nearest (1 or more switches this test off).
+/// For each query the index of its match in `train`: mutually nearest (ties go to the lowest index), at most
+/// `max_distance` bits apart, and nearer than `ratio` times the distance of the second nearest (1 or more disables this
+/// test).
 #[must_use]
 pub fn match_brute_force(
     query: &[Descriptor],
@@ -170,8 +169,8 @@ pub(crate) fn match_brute_force_portable(
 /// Number of bins of a [`RotationHistogram`], of 12 degrees each, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const BINS: usize = 30;
 
-/// Keeps the matches that agree on how much the image has turned: those in the three fullest of 30 bins of 12 degrees. The second and third bin count
-/// only when they hold at least a tenth of the first.
+/// Keeps the matches with consistent rotation: those in the three fullest of 30 bins of 12 degrees. The second and
+/// third bin count only if they have at least a tenth of the first.
 #[derive(Clone, Debug, Default)]
 pub struct RotationHistogram<T> {
     items: Vec<(u8, T)>,
@@ -188,23 +187,24 @@ impl<T: Copy> RotationHistogram<T> {
         }
     }
 
-    /// Forgets all items, keeping the memory.
+    /// Removes all items, keeping the memory.
     pub fn clear(&mut self) {
         self.items.clear();
         self.counts = [0; BINS];
     }
 
-    /// Adds an item whose keypoints differ by this angle, rad, any multiple of a turn more or less. An angle that is not finite counts as 0.
+    /// Adds an item whose keypoints differ by this angle, rad, modulo a full turn. An angle that is not finite counts
+    /// as 0.
     pub fn push(&mut self, angle_difference: f32, item: T) {
         let turns = angle_difference / std::f32::consts::TAU;
         let fraction = turns - turns.floor();
-        // Bins are centred on multiples of 12 degrees, so that noise around 0 falls into one. The cast takes NaN to 0.
+        // Bins are centred on multiples of 12 degrees, so that noise around 0 falls into one. The cast maps NaN to 0.
         let bin = (fraction * BINS as f32 + 0.5) as usize % BINS;
         self.items.push((bin as u8, item));
         self.counts[bin] += 1;
     }
 
-    /// The items of the strongest bins, in the order in which they were pushed.
+    /// The items of the strongest bins, in order of insertion.
     pub fn kept(&self) -> impl Iterator<Item = T> + '_ {
         let strong = self.strongest();
         self.items
@@ -213,7 +213,7 @@ impl<T: Copy> RotationHistogram<T> {
             .map(|(_, item)| *item)
     }
 
-    /// The items of all other bins, in the order in which they were pushed.
+    /// The items of all other bins, in order of insertion.
     pub fn dropped(&self) -> impl Iterator<Item = T> + '_ {
         let strong = self.strongest();
         self.items

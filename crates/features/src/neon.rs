@@ -1,4 +1,4 @@
-//! NEON kernels of this crate, each the twin of a scalar function that gives the same bits. The only unsafe code of the crate on 64-bit Arm.
+//! NEON kernels, each bit-identical to a scalar function. The only unsafe code of the crate on 64-bit Arm.
 #![allow(unsafe_code)]
 
 mod describe;
@@ -13,7 +13,8 @@ pub(crate) use describe::{describe, moments};
 pub(crate) use fast::{find_row_maxima, score_rows};
 pub(crate) use flow::{compare_window, sample_window};
 
-/// Every entry calls this, so that no instruction runs on a machine that lacks it. Where all machines of a target have NEON it costs nothing.
+/// Called by every entry point, so that no instruction runs on a machine that lacks it. Free of cost where all machines
+/// of a target have NEON.
 #[inline]
 fn check() {
     assert!(Simd::Neon.has_neon(), "NEON kernel called without NEON");
@@ -31,7 +32,8 @@ unsafe fn load(slice: &[u8], index: usize) -> uint8x16_t {
     unsafe { vld1q_u8(slice.as_ptr().add(index)) }
 }
 
-/// Twin of [`crate::Descriptor::distance_portable`]: the compiler finds the instruction that counts the bits of bytes, but adds these up in more steps.
+/// Twin of [`crate::Descriptor::distance_portable`]: the compiler uses the bit count instruction, but sums the counts
+/// in more steps.
 #[inline(always)]
 pub(crate) fn distance(a: &[u64; 4], b: &[u64; 4]) -> u32 {
     check();

@@ -5,7 +5,8 @@ use stillpoint_imaging::{GrayImage, Simd};
 /// Radius of the disc, px (Rublee et al. 2011).
 pub(crate) const RADIUS: usize = 15;
 
-/// Half of the length of the disc's rows at distance 0, 1, ..., 15 from the centre, px: `round(sqrt(15^2 - v^2))`, made symmetric about the diagonal.
+/// Half of the length of the disc's rows at distance 0, 1, ..., 15 from the centre, px: `round(sqrt(15^2 - v^2))`, made
+/// symmetric about the diagonal.
 pub(crate) const HALF_WIDTHS: [usize; RADIUS + 1] =
     [15, 15, 15, 15, 14, 14, 14, 13, 13, 12, 11, 10, 9, 8, 6, 3];
 
@@ -40,7 +41,7 @@ pub(crate) fn moments_scalar(image: &GrayImage, x: usize, y: usize) -> (i32, i32
     (m10, m01)
 }
 
-/// Cosine and sine of the direction (m10, m01); (1, 0) when there is none.
+/// Cosine and sine of the direction (m10, m01); (1, 0) if undefined.
 pub(crate) fn direction(moments: (i32, i32)) -> (f32, f32) {
     let (x, y) = (moments.0 as f32, moments.1 as f32);
     let norm = (x * x + y * y).sqrt();

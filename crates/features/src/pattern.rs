@@ -1,8 +1,10 @@
-//! Where the 256 tests of the descriptor sample the patch.
+//! Sampling pattern of the descriptor.
 
-/// Pairs of points `[x1, y1, x2, y2]`, px from the keypoint before rotation; test `i` asks whether the first is darker than the second.
+/// Pairs of points `[x1, y1, x2, y2]`, px from the keypoint before rotation; test `i` compares whether the first is
+/// darker than the second.
 ///
-/// The learned pattern of Rublee et al., "ORB: an efficient alternative to SIFT or SURF", ICCV 2011, as published in OpenCV (Apache-2.0).
+/// The learned pattern of Rublee et al., "ORB: an efficient alternative to SIFT or SURF", ICCV 2011, as published in
+/// OpenCV (Apache-2.0).
 #[rustfmt::skip]
 pub(crate) const PATTERN: [[i8; 4]; 256] = [
     [8, -3, 9, 5], [4, 2, 7, -12], [-11, 9, -8, 2], [7, -12, 12, -13], [2, -13, 2, 12], [1, -7, 1, 6],

@@ -1,15 +1,16 @@
-//! An even choice of corners.
+//! Even spatial distribution of corners.
 //!
-//! A quadtree over the image is split until it has as many leaves as corners are wanted; each leaf gives its strongest corner, as in ORB-SLAM2
-//! (Mur-Artal, Tardos 2017). The corners are sorted by
-//! the Morton code of their position, so a node of the tree is a range of the sorted array and splitting moves nothing.
+//! A quadtree over the image is split until it has as many leaves as corners are wanted; each leaf contributes its
+//! strongest corner, as in ORB-SLAM2 (Mur-Artal, Tardos 2017). Corners are sorted by the Morton code of their position,
+//! so a node is a range of the sorted array and splitting moves nothing.
 
 use crate::fast::Corner;
 
-/// Depth of the tree below a root: leaves down to 1/128 of the image's height. Two bits for each of seven levels and two for the root ([`MAX_ROOTS`])
-/// make a key of 16 bits.
+/// Depth of the tree below a root: leaves down to 1/128 of the image's height. Two bits for each of seven levels and
+/// two for the root ([`MAX_ROOTS`]) make a key of 16 bits.
 const DEPTH: u32 = 7;
-/// Roots side by side, a number, so that nodes are nearly square. With more than four the keys would need more than 16 bits.
+/// Maximum number of roots side by side, so that nodes are nearly square. With more than four the keys would need more
+/// than 16 bits.
 const MAX_ROOTS: usize = 4;
 
 #[derive(Clone, Copy, Debug)]
@@ -24,7 +25,7 @@ impl Node {
     }
 }
 
-/// The chooser, with its buffers.
+/// Selects corners, with its buffers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Spread {
     /// (Morton key, index of the corner), sorted.
@@ -35,7 +36,8 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    /// Appends about `quota` (up to two more, fewer where corners are few or crowd together) of `corners`, spread evenly over an image of this size.
+    /// Appends about `quota` (up to two more, fewer if corners are few or clustered) of `corners`, spread evenly over
+    /// an image of this size.
     pub(crate) fn choose(
         &mut self,
         corners: &[Corner],
@@ -62,7 +64,7 @@ impl Spread {
         }
     }
 
-    /// Sorts by key, corners of one key in their given order.
+    /// Sorts stably by key.
     fn sort(&mut self, corners: &[Corner], size: (usize, usize), roots: usize) {
         // Fine cells across and down in 1/65536 of a cell per pixel.
         let step_x = (((roots as u64) << (DEPTH + 16)) / size.0 as u64) as u32;
@@ -96,7 +98,7 @@ impl Spread {
         }
     }
 
-    /// Splits breadth first until there are `quota` nodes; in the depth where that happens, the fullest nodes first.
+    /// Splits breadth first until there are `quota` nodes; at the last depth, the fullest nodes first.
     fn split(&mut self, roots: usize, quota: usize) {
         self.nodes.clear();
         let mut begin = 0;
@@ -122,7 +124,7 @@ impl Spread {
                 return;
             }
             if self.nodes.len() + 3 * splittable > quota {
-                // The order is total: ranges of different nodes differ in `begin`.
+                // A total order: ranges of different nodes differ in `begin`.
                 self.nodes
                     .sort_unstable_by_key(|node| (u32::MAX - node.len(), node.begin));
             }

@@ -1,12 +1,12 @@
-//! Position of a corner to a fraction of a pixel.
+//! Subpixel refinement of corners.
 
 use stillpoint_imaging::GrayImage;
 
-/// Offset (dx, dy) of the peak of the quadratic surface fitted to the nine FAST scores around a local maximum by least squares; each within one
-/// pixel, and 0 where the surface has no peak.
+/// Offset (dx, dy) of the peak of a quadratic surface fitted to the nine FAST scores around a local maximum; each
+/// within one pixel, and 0 if the surface has no peak.
 ///
-/// On fr1_xyz it takes a third off the median distance to the epipolar line of matches between frames 0.1 s apart, at all levels; Foerstner's
-/// point, Harris responses and the circle's differences do less or harm.
+/// On fr1_xyz it reduces the median distance to the epipolar line of matches between frames 0.1 s apart by a third, at
+/// all levels; Foerstner's point, Harris responses and the circle's differences do less or harm.
 pub(crate) fn refine(scores: &GrayImage, x: usize, y: usize) -> (f32, f32) {
     let line = |y: usize| [-1, 0, 1].map(|dx| f32::from(scores.at(x.wrapping_add_signed(dx), y)));
     let grid = [line(y - 1), line(y), line(y + 1)];

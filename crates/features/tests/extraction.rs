@@ -1,4 +1,4 @@
-//! The extractor as its users see it.
+//! Tests of the extractor.
 
 use crate::common::{hash, render};
 use proptest::prelude::*;
@@ -11,7 +11,7 @@ fn extract(image: &GrayImage, simd: Simd) -> Features {
     out
 }
 
-/// Matches of `a` and `b` that are alike, as pairs of indices.
+/// Matches of `a` and `b`, as pairs of indices.
 fn matches(a: &Features, b: &Features) -> Vec<(usize, usize)> {
     let found = match_brute_force(&a.descriptors, &b.descriptors, 50, 0.9);
     let pairs = found.iter().enumerate();
@@ -61,7 +61,7 @@ fn features_are_spread_over_the_image_and_the_levels() {
     );
 }
 
-/// The texture shifted by a fraction of a pixel: most features are found again where they should be.
+/// The texture shifted by a fraction of a pixel: most features are found at the shifted positions.
 #[test]
 fn a_shifted_image_gives_the_shifted_features() {
     let (dx, dy) = (7.3, -4.6);
@@ -90,7 +90,7 @@ fn a_shifted_image_gives_the_shifted_features() {
     );
 }
 
-/// Features of an image scaled by three levels: no bias of the position that depends on the level.
+/// Features of an image scaled by three levels: positions have no level-dependent bias.
 #[test]
 fn a_scaled_image_gives_features_at_other_levels_without_bias() {
     let scale = 1.2 * 1.2 * 1.2;
@@ -147,7 +147,7 @@ fn a_turned_image_gives_turned_angles_and_like_descriptors() {
             let (x, y) = turn(f64::from(b.x), f64::from(b.y));
             let (dx, dy) = (f64::from(a.x) - x, f64::from(a.y) - y);
             let apart = dx * dx + dy * dy;
-            // The second image shows the first turned by -degrees.
+            // The second image shows the first rotated by -degrees.
             let angle = f64::from(a.angle - b.angle) - degrees.to_radians();
             let angle =
                 (angle / std::f64::consts::TAU - (angle / std::f64::consts::TAU).round()) * 360.0;

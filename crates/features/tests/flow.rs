@@ -1,4 +1,4 @@
-//! The flow as its users see it, on images whose motion is known.
+//! Tests of the flow on images with known motion.
 
 use crate::common::{hash, render};
 use proptest::prelude::*;
@@ -39,7 +39,7 @@ fn distance(a: [f32; 2], b: [f32; 2]) -> f32 {
     libm::hypotf(a[0] - b[0], a[1] - b[1])
 }
 
-/// Distances from the truth of points that the second image shows at least 10 px from its border; the share that was found, and the errors in order.
+/// For points at least 10 px inside the second image: the share that was found, and their sorted errors.
 fn errors(
     points: &[[f32; 2]],
     found: &Matches,
@@ -81,7 +81,7 @@ fn shifts_are_found_to_a_fraction_of_a_pixel() {
     }
 }
 
-/// Right guesses lead to the same places as a search; wrong ones are not made up for.
+/// Good guesses give the same results as a search; bad ones are not corrected.
 #[test]
 fn looking_needs_guesses_that_are_right() {
     let first = still(400, 300);
@@ -99,14 +99,14 @@ fn looking_needs_guesses_that_are_right() {
     let beside = |p: &[f32; 2]| [truth(*p)[0] + 1.5, truth(*p)[1] - 1.0];
     let guesses: Vec<[f32; 2]> = points.iter().map(beside).collect();
     expect(errors(&points, &look(&guesses), truth), 0.9, 0.05, 0.2);
-    // From their own places 20 px away few are found; a search on all scales finds nearly all.
+    // Without guesses, 20 px away, few are found; a search on all scales finds nearly all.
     let (near, _) = errors(&points, &look(&[]), truth);
     let all = track(FlowConfig::default(), (&first, &second), &points, None);
     let (far, _) = errors(&points, &all, truth);
     assert!(near < 0.3 && far > 0.95, "{near} and {far}");
 }
 
-/// A turn by 2 degrees with a zoom of 3 %, and 15 grey levels more light.
+/// A rotation by 2 degrees with a zoom of 3 %, and 15 grey levels brighter.
 #[test]
 fn small_turns_and_zooms_and_more_light_are_followed() {
     let first = still(400, 300);
@@ -128,7 +128,7 @@ fn small_turns_and_zooms_and_more_light_are_followed() {
     };
     let found = track(FlowConfig::default(), (&first, &second), &points, None);
     expect(errors(&points, &found, truth), 0.9, 0.15, 0.5);
-    // The residual does not count the light.
+    // The residual excludes the brightness change.
     let residuals = found.iter().flatten().map(|found| found.residual);
     assert!(residuals.clone().all(|residual| residual < 14.0));
     assert!(residuals.sum::<f32>() < 7.0 * found.iter().flatten().count() as f32);
@@ -150,13 +150,13 @@ fn points_at_the_border_or_leaving_the_image_are_refused() {
     ];
     let found = track(FlowConfig::default(), (&first, &first), &border, None);
     assert!(found.iter().all(Option::is_none), "{found:?}");
-    // What is left of column 28 leaves the image or reaches its border.
+    // Points left of column 28 leave the image or reach its border.
     let leaving: Vec<_> = (0..60)
         .map(|i| [10.0 + 0.25 * i as f32, 20.0 + 4.0 * i as f32])
         .collect();
     let found = track(FlowConfig::default(), (&first, &second), &leaving, None);
     assert!(found.iter().all(Option::is_none), "{found:?}");
-    // Near the border, but inside both, the motion is still found although coarse windows do not fit.
+    // Near the border, but inside both, motion is found although coarse windows do not fit.
     let near: Vec<_> = corners(&first)
         .into_iter()
         .filter(|p| (30.0..45.0).contains(&p[0]))
@@ -173,7 +173,7 @@ fn points_at_the_border_or_leaving_the_image_are_refused() {
     );
 }
 
-/// Without texture there is no answer, and along a straight edge only half of one.
+/// Points without texture, or on a straight edge, give no result.
 #[test]
 fn flat_patches_and_straight_edges_give_none() {
     let flat = GrayImage::from_vec(200, 200, vec![90; 40_000]).unwrap();
@@ -195,7 +195,7 @@ fn flat_patches_and_straight_edges_give_none() {
     assert!(found(&corner.unwrap()).is_some());
 }
 
-/// A square with another texture moves over the image. Nothing is left of what it covers; the tests at the end must notice.
+/// A square with another texture covers part of the image; covered points must be rejected by the final tests.
 #[test]
 fn covered_points_are_refused() {
     let first = still(400, 300);
@@ -256,7 +256,7 @@ fn guesses_lead_to_the_same_place_and_wrong_ones_do_no_harm() {
         );
         expect(errors(&points, &found, truth), 0.93, 0.05, 0.2);
     }
-    // Points beyond the guesses have none.
+    // Points beyond the list of guesses have none.
     let few = track(FlowConfig::default(), (&first, &second), &points, Some(&[]));
     assert_eq!(
         few,

@@ -1,6 +1,6 @@
-//! How exact the flow is where depth and poses say where each point must be: on simulated rooms, and on real frames where there are any under
+//! Accuracy of the flow compared with depth and poses: on simulated rooms, and on real frames if there are any under
 //! `STILLPOINT_DATA` (else `../shared/data`).
-// A test may look for its data, and says what it found; the library may not.
+// Tests may read environment variables and print; the library may not.
 #![allow(clippy::disallowed_methods, clippy::print_stderr)]
 
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec2, Vec3};
 use stillpoint_imaging::{ColourImage, DepthImage, GrayImage, Simd};
 use stillpoint_simulator::{Simulator, SimulatorConfig};
 
-/// Tracks the corners of the first image to the second; pairs of points and what was found.
+/// Tracks the corners of the first image to the second; returns points and results.
 fn track(first: &GrayImage, second: &GrayImage) -> Vec<([f32; 2], Option<FlowMatch>)> {
     let mut extractor = OrbExtractor::new(&OrbConfig::default(), Simd::detect());
     let (mut features, mut other) = <(Features, Features)>::default();
@@ -25,7 +25,8 @@ fn track(first: &GrayImage, second: &GrayImage) -> Vec<([f32; 2], Option<FlowMat
     points.into_iter().zip(out).collect()
 }
 
-/// Where a point must be in the second image, and its depth there, m; `None` without depth, or where depth bends by more than `bend` of itself.
+/// True position of a point in the second image, and its depth there, m; `None` without depth, or if depth is curved by
+/// more than `bend` relative to itself.
 fn predict(
     camera: &Camera,
     depth: &DepthImage,
@@ -37,12 +38,12 @@ fn predict(
     if !(8..632).contains(&u) || !(8..472).contains(&v) {
         return None;
     }
-    // Inverse depth is linear over planes: exact at a fraction of a pixel, and bent at edges only.
+    // Inverse depth is linear over planes, so interpolation is exact, except at edges.
     let w = |x: usize, y: usize| 1.0 / depth.at(x, y);
     let (middle, [left, right]) = (w(u, v), [w(u - 8, v), w(u + 8, v)]);
     let (above, below) = (w(u, v - 8), w(u, v + 8));
     let bent = (left + right - 2.0 * middle).abs() + (above + below - 2.0 * middle).abs();
-    // An inverse depth of infinity, where there is none, passes no comparison.
+    // An infinite inverse depth, for missing depth, fails the comparison.
     let flat = bent < bend * middle;
     if !flat {
         return None;
@@ -56,7 +57,7 @@ fn predict(
     inside.then_some((px, p.z))
 }
 
-/// Share found, median error, share of those found that are wrong by more than a pixel.
+/// Share found, median error, share of those found with an error above a pixel.
 fn judge(errors: &[Option<f64>]) -> [f64; 3] {
     let mut found: Vec<_> = errors.iter().flatten().copied().collect();
     assert!(found.len() > 200, "{} points to judge", found.len());
@@ -100,7 +101,7 @@ fn flow_agrees_with_exact_depth_and_poses_of_simulated_rooms() {
                     continue;
                 };
                 let seen = second_depth.at(truth.x.round() as usize, truth.y.round() as usize);
-                // Something else in front of it: there is nothing to find.
+                // Skips occluded points.
                 if (f64::from(seen) / z - 1.0).abs() < 0.02 {
                     errors.push(error(found, truth));
                 }
@@ -146,8 +147,8 @@ fn pose_at(truth: &[(f64, Vec<String>)], stamp: f64) -> Se3 {
     pose(after - 1).interpolate(&pose(after), (stamp - a) / (b - a))
 }
 
-/// Motion capture says where points are to some pixels only, because its clock and the camera's differ by milliseconds; how they move among each
-/// other it says to about half a pixel.
+/// Motion capture gives absolute positions to some pixels only, because of a clock offset of milliseconds, and relative
+/// ones to about half a pixel.
 #[test]
 fn flow_agrees_with_motion_capture_on_real_frames() {
     let Some(folder) = stillpoint_testdata::recording("fr1_xyz") else {
@@ -190,7 +191,7 @@ fn flow_agrees_with_motion_capture_on_real_frames() {
                 Some(found.map(|[x, y]| [x - truth.x, y - truth.y]))
             })
             .collect();
-        // What all points have in common is an error of the stamps.
+        // Removes the common error, which is due to the stamps.
         let common = [0, 1].map(|axis| {
             let mut all: Vec<_> = judged.iter().flatten().map(|error| error[axis]).collect();
             all.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! Features, matches and flow, on images that are known exactly and on recorded ones.
+//! Features, matches and flow, on synthetic and recorded images.
 
 #![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 

@@ -1,4 +1,4 @@
-//! Grid, matcher and descriptors as their users see them.
+//! Tests of grid, matcher and descriptors.
 
 use proptest::prelude::*;
 use stillpoint_features::{
@@ -16,7 +16,7 @@ fn descriptors(count: usize) -> impl Strategy<Value = Vec<Descriptor>> {
     })
 }
 
-/// Positions, some outside of the bounds, with levels and descriptors.
+/// Positions, some out of bounds, with levels and descriptors.
 fn scenes() -> impl Strategy<Value = (Vec<[f32; 2]>, Vec<u8>, Vec<Descriptor>)> {
     (0_usize..120).prop_flat_map(|count| {
         let position = (-40.0_f32..680.0, -40.0_f32..520.0).prop_map(|(x, y)| [x, y]);
@@ -204,7 +204,7 @@ fn positions_that_are_not_numbers_are_left_out() {
 fn the_histogram_keeps_the_three_fullest_bins() {
     let mut histogram = RotationHistogram::new();
     let tau = std::f32::consts::TAU;
-    // Around 0 (from both sides, and a turn further), around 90 degrees, one odd one at 200 degrees, nothing else.
+    // Around 0 (from both sides, and a turn further), around 90 degrees, and one at 200 degrees.
     for item in 0..30 {
         histogram.push([0.05, -0.05, tau + 0.03, -tau - 0.03][item % 4], item);
     }

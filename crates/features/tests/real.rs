@@ -1,5 +1,5 @@
-//! Extraction on real frames, where there are any.
-// A test may look for its data; the library may not.
+//! Extraction on real frames, if available.
+// Tests may read environment variables; the library may not.
 #![allow(clippy::disallowed_methods, clippy::print_stderr)]
 
 use std::path::PathBuf;

@@ -8,7 +8,7 @@ use crate::{Mat3, Se3, Vec3};
 pub enum AlignmentError {
     /// Fewer than three pairs, or sets of different length.
     TooFewPairs,
-    /// All points of a set are the same, or a number is not finite: nothing fixes the rotation.
+    /// All points of a set coincide, or a number is not finite: the rotation is undetermined.
     Degenerate,
 }
 
@@ -28,18 +28,18 @@ impl std::error::Error for AlignmentError {}
 pub struct Alignment {
     /// Rigid part `target_from_source`.
     pub target_from_source: Se3,
-    /// Scale factor; 1 when it was not asked for.
+    /// Scale factor; 1 when not estimated.
     pub scale: f64,
 }
 
 impl Alignment {
-    /// The image of a source point.
+    /// Maps a source point to the target frame.
     #[must_use]
     pub fn apply(&self, p: &Vec3) -> Vec3 {
         self.target_from_source.rotation * p * self.scale + self.target_from_source.translation
     }
 
-    /// The source point of an image.
+    /// Maps a target point to the source frame.
     #[must_use]
     pub fn invert(&self, p: &Vec3) -> Vec3 {
         let turned = p - self.target_from_source.translation;
@@ -47,11 +47,11 @@ impl Alignment {
     }
 }
 
-/// Aligns `source[i]` to `target[i]`, with scale when `with_scale`, else with scale 1.
+/// Aligns `source[i]` to `target[i]`; the scale is estimated when `with_scale`, else 1.
 ///
 /// # Errors
 /// [`AlignmentError::TooFewPairs`] below three pairs or for unequal lengths, [`AlignmentError::Degenerate`] when a set
-/// has no extent or holds a number that is not finite.
+/// has no extent or contains a number that is not finite.
 pub fn align_umeyama(
     source: &[Vec3],
     target: &[Vec3],
@@ -84,7 +84,7 @@ pub fn align_umeyama(
     };
     let mut sign = Mat3::identity();
     if u.determinant() * v_t.determinant() < 0.0 {
-        // nalgebra sorts singular values in descending order, so the last one is the smallest.
+        // nalgebra sorts singular values in descending order: the last one is the smallest.
         sign[(2, 2)] = -1.0;
     }
     let rotation = u * sign * v_t;
@@ -100,13 +100,12 @@ pub fn align_umeyama(
     })
 }
 
-/// Mean squared distance to the mean.
 fn variance(points: &[Vec3], mean: &Vec3) -> f64 {
     let sum: f64 = points.iter().map(|p| (p - mean).norm_squared()).sum();
     sum / points.len() as f64
 }
 
-/// The variance that equal points of this size may show, because their mean is rounded.
+/// Upper bound of the variance that rounding of the mean causes for coincident points.
 fn rounding(points: &[Vec3]) -> f64 {
     let size = points.iter().fold(0.0, |a, p| f64::max(a, p.amax()));
     let error = 4.0 * f64::EPSILON * points.len() as f64 * size;

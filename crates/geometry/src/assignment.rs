@@ -1,11 +1,13 @@
-//! Which of these belongs to which of those: the assignment of the greatest sum.
+//! Linear assignment with maximum sum.
 
-/// For each row its column, by the greatest sum of values of one column per row and one row per column: shortest augmenting paths with potentials (Kuhn
-/// 1955, Munkres 1957; the cubic form of Jonker and Volgenant, A shortest augmenting path algorithm for dense and sparse linear assignment problems,
-/// Computing 38, 1987). All rows have the same length. Where there are more rows than columns some rows have none.
+/// Column assigned to each row so that the sum of values is maximal, with at most one column per row and one row per
+/// column: shortest augmenting paths with potentials (Kuhn 1955, Munkres 1957; the cubic form of Jonker and Volgenant,
+/// A shortest augmenting path algorithm for dense and sparse linear assignment problems, Computing 38, 1987). All rows
+/// must have the same length. With more rows than columns, some rows stay unassigned.
 ///
-/// Rows are taken in order, and of two paths that are equally short the one to the lower column, so ties always end the same way. Whole numbers below
-/// 2^53, sums included, are computed with exactly. Values are finite; a row that no finite ones lead to a column has none.
+/// Ties are deterministic: rows are processed in order, and of equally short paths the one to the lower column wins.
+/// Whole numbers below 2^53, sums included, are exact. Values must be finite; a row whose values are not gets no
+/// column.
 #[must_use]
 pub fn assign(values: &[Vec<f64>]) -> Vec<Option<usize>> {
     let (rows, columns) = (values.len(), values.first().map_or(0, Vec::len));
@@ -22,9 +24,9 @@ pub fn assign(values: &[Vec<f64>]) -> Vec<Option<usize>> {
     assigned
 }
 
-/// Pairs of column and row of the least sum, for at most as many rows as columns.
+/// Pairs (column, row) with the minimum sum of costs; needs at most as many rows as columns.
 fn solve(rows: usize, columns: usize, cost: impl Fn(usize, usize) -> f64) -> Vec<(usize, usize)> {
-    // Row and column 0 stand for none.
+    // Index 0 of rows and columns means "none".
     let mut row_potential = vec![0.0; rows + 1];
     let mut column_potential = vec![0.0; columns + 1];
     let mut row_of = vec![0; columns + 1];
@@ -80,7 +82,6 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The sums of all assignments.
     fn all_sums(values: &[Vec<f64>], taken: &mut Vec<bool>) -> Vec<f64> {
         let Some((first, rest)) = values.split_first() else {
             return vec![0.0];
@@ -111,7 +112,7 @@ mod tests {
         found.iter().enumerate().filter_map(of).sum()
     }
 
-    /// As many rows and columns as asked for, of a list of at least 16 numbers.
+    /// A `rows` x `columns` matrix from a list of at least 16 numbers.
     fn matrix<T: Copy + Into<f64>>(rows: usize, columns: usize, numbers: &[T]) -> Vec<Vec<f64>> {
         let row = |i: usize| numbers[i * 4..i * 4 + columns].iter();
         (0..rows)
@@ -128,14 +129,14 @@ mod tests {
             prop_assert!((sum(&values, &found) - greatest(&values)).abs() < 1e-12);
         }
 
-        /// Whole numbers, many of them equal, and some below all sums of the others: exactly.
+        /// Whole numbers, many of them equal, some below all sums of the others.
         #[test]
         fn whole_numbers_are_exact(rows in 1..5_usize, columns in 1..5_usize, v in prop::collection::vec(prop_oneof![-4..4_i32, Just(-1_000_000_000)], 16)) {
             let values = matrix(rows, columns, &v);
             prop_assert_eq!(sum(&values, &assign(&values)), greatest(&values));
         }
 
-        /// Where one assignment alone is the best, the order of rows and columns does not matter.
+        /// With a unique optimum the order of rows and columns does not matter.
         #[test]
         fn order_does_not_matter_where_one_is_the_best(
             v in prop::collection::vec(0..1000_i32, 16),
@@ -153,7 +154,6 @@ mod tests {
             }
         }
 
-        /// Equal values go to rows and columns in their order, so that a run repeats.
         #[test]
         fn ties_go_by_index(rows in 1..9_usize, columns in 1..9_usize, value in -5..5_i32) {
             let found = assign(&vec![vec![f64::from(value); columns]; rows]);
@@ -161,7 +161,6 @@ mod tests {
             prop_assert_eq!(found, expected);
         }
 
-        /// Rows that are taken the other way round are columns.
         #[test]
         fn turned_around_it_is_as_good(rows in 1..5_usize, columns in 1..5_usize, v in prop::collection::vec(-9..9_i32, 16)) {
             let values = matrix(rows, columns, &v);

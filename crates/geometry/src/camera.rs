@@ -2,8 +2,8 @@
 
 use crate::{Vec2, Vec3};
 
-/// Lens distortion of Brown (1966) and Conrady in the five-coefficient form of OpenCV and the TUM calibrations:
-/// radial `k1 k2 k3`, tangential `p1 p2`, on normalised image coordinates.
+/// Lens distortion of Brown (1966) and Conrady in the five-coefficient form of OpenCV and TUM: radial `k1 k2 k3`,
+/// tangential `p1 p2`, on normalised image coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BrownConrady {
     /// Radial, second order.
@@ -19,7 +19,7 @@ pub struct BrownConrady {
 }
 
 impl BrownConrady {
-    /// True when every coefficient is zero: points stay where they are.
+    /// True when all coefficients are zero.
     #[must_use]
     pub fn is_zero(&self) -> bool {
         *self == Self::default()
@@ -37,8 +37,8 @@ impl BrownConrady {
         )
     }
 
-    /// The inverse of [`Self::distort`], by Newton's method from `p` itself; converges to 1e-12 wherever the model
-    /// is one to one, which [`Camera::check`] tells of an image.
+    /// The inverse of [`Self::distort`], by Newton's method from `p`; converges to 1e-12 where the model is one to one,
+    /// which [`Camera::check`] verifies for a whole image.
     #[must_use]
     pub fn undistort(&self, p: Vec2) -> Vec2 {
         if self.is_zero() {
@@ -61,7 +61,7 @@ impl BrownConrady {
         q
     }
 
-    /// The derivative of [`Self::distort`] at a point, the symmetric matrix `[a b; b d]`.
+    /// The derivative of [`Self::distort`] at a point: the symmetric matrix `[a b; b d]`.
     #[inline]
     pub(crate) fn derivative(&self, p: Vec2) -> [f64; 3] {
         let (x, y) = (p.x, p.y);
@@ -76,8 +76,7 @@ impl BrownConrady {
     }
 }
 
-/// A pinhole camera: size in pixels, focal lengths and principal point in pixels, lens distortion.
-/// Pixel centres are at integers.
+/// Pinhole camera with lens distortion. Pixel centres are at integers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Image width, px.
@@ -111,7 +110,7 @@ impl Camera {
         }
     }
 
-    /// The same camera without its distortion: the one that sees undistorted points.
+    /// The same camera without distortion, for undistorted pixels.
     #[must_use]
     pub fn rectified(&self) -> Self {
         Self {
@@ -120,7 +119,7 @@ impl Camera {
         }
     }
 
-    /// The undistorted pixel of a point in camera coordinates (m). The caller checks `p.z > 0`.
+    /// The undistorted pixel of a point in camera coordinates (m). Requires `p.z > 0`.
     #[must_use]
     pub fn project(&self, p: &Vec3) -> Vec2 {
         Vec2::new(self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy)
@@ -144,7 +143,7 @@ impl Camera {
         self.ray(px) * z
     }
 
-    /// From a raw pixel to the undistorted pixel.
+    /// Undistorts a raw pixel.
     #[must_use]
     pub fn undistort(&self, px: Vec2) -> Vec2 {
         if self.distortion.is_zero() {
@@ -155,7 +154,7 @@ impl Camera {
         Vec2::new(q.x * self.fx + self.cx, q.y * self.fy + self.cy)
     }
 
-    /// From an undistorted pixel to the raw pixel.
+    /// Distorts an undistorted pixel.
     #[must_use]
     pub fn distort(&self, px: Vec2) -> Vec2 {
         if self.distortion.is_zero() {
@@ -175,7 +174,7 @@ impl Camera {
             && px.y <= f64::from(self.height) - 1.0
     }
 
-    /// The smallest rectangle `[min_x, min_y, max_x, max_y]` of undistorted pixels that holds the whole raw image.
+    /// Bounding rectangle `[min_x, min_y, max_x, max_y]` of the raw image in undistorted pixels.
     #[must_use]
     pub fn undistorted_bounds(&self) -> [f64; 4] {
         let (w, h) = (f64::from(self.width) - 1.0, f64::from(self.height) - 1.0);

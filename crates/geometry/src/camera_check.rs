@@ -1,91 +1,93 @@
-//! Whether a camera's figures can be those of a camera: what every reader of cameras asks before anything is computed with one.
+//! Plausibility checks of camera intrinsics and distortion, shared by all camera readers.
 
 use crate::{BrownConrady, Camera, Vec2};
 
-/// Side of an image at most, px.
+/// Maximum image side, px.
 const MAX_SIDE: u32 = 1 << 15;
-/// Focal lengths and principal points beyond this are no figures in px.
+/// Maximum focal length and principal point, px.
 const MAX_PX: f64 = 1e7;
-/// Focal length at least, px: an image of a few pixels has one of some pixels.
+/// Minimum focal length, px.
 const MIN_FOCAL: f64 = 1.0;
-/// Factor between fx and fy at most. Pixels of depth cameras are square; of the others that are in use, those of one field of an interlaced image are the
-/// flattest, twice as high as wide.
+/// Maximum factor between fx and fy. Pixels of depth cameras are square; the flattest in use elsewhere are those of one field
+/// of an interlaced image, twice as high as wide.
 const MAX_ASPECT: f64 = 2.0;
-/// Focal length over the image's side at least: 152 degrees along it. Lenses that keep lines straight end at 130 degrees (0.23); a fisheye of 220 degrees whose
-/// circle is as high as an image of 16:9 has 0.146 of the width.
+/// Minimum ratio of focal length to image side: 152 degrees along it. Rectilinear lenses end at 130 degrees (0.23); a
+/// fisheye of 220 degrees whose circle is as high as an image of 16:9 has 0.146 of the width.
 const MIN_FOCAL_SHARE: f64 = 0.125;
-/// Focal length over the longer side at most: 5.7 degrees. Depth cameras for small parts see 15 degrees and more; below 6 no turn is told from a shift.
+/// Maximum ratio of focal length to the longer side: 5.7 degrees. Depth cameras for small parts see 15 degrees and
+/// more; below 6, rotation and translation cannot be distinguished.
 const MAX_FOCAL_SHARE: f64 = 10.0;
-/// Distance of the principal point from a border at least, as a share of the side. Of a whole sensor it is within some per cent of the middle, of an image that was cropped to half its
-/// sides at a quarter or more; a driver that leaves it out leaves 0.
+/// Minimum distance of the principal point from a border, as a share of the side. For a whole sensor it is within some
+/// per cent of the middle; for an image cropped to half its sides, at a quarter or more; a driver that omits it
+/// reports 0.
 const MIN_MARGIN: f64 = 0.1;
-/// Samples along each side of the image, at which the lens is tried.
+/// Grid samples along each image side at which the distortion is tested.
 const SAMPLES: u32 = 32;
-/// Samples along the way from the lens' axis to each of them.
+/// Samples on the segment from the optical axis to each grid sample.
 const STEPS: u32 = 16;
-/// How far a raw pixel may be from where it came from after it was undistorted and distorted again, px: far below what a corner is
-/// located to, far above what Newton's method leaves where it converges.
+/// Maximum round-trip error of undistorting and distorting a raw pixel, px: far below corner localisation errors, far
+/// above the residual of Newton's method where it converges.
 const MAX_ERROR: f64 = 1e-3;
 
-/// Why a camera cannot be computed with.
+/// Reason why a camera is rejected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum CameraError {
-    /// The image has no pixels, or a side that is no image's.
+    /// The image is empty or implausibly large.
     Size {
         /// Width, px.
         width: u32,
         /// Height, px.
         height: u32,
     },
-    /// Focal lengths or principal point are no figures in px.
+    /// Focal lengths or principal point are not plausible pixel values.
     Intrinsics {
         /// fx, fy, cx, cy, px.
         found: [f64; 4],
     },
-    /// fx and fy are not those of one lens.
+    /// fx and fy differ too much.
     Aspect {
         /// fx and fy, px.
         found: [f64; 2],
     },
-    /// No lens has this field of view.
+    /// The field of view is implausible.
     FieldOfView {
         /// `fx` or `fy`.
         figure: &'static str,
-        /// What was found, px.
+        /// Value found, px.
         found: f64,
-        /// What can be, px.
+        /// Plausible range, px.
         plausible: [f64; 2],
         /// Width and height, px.
         size: [u32; 2],
     },
-    /// The principal point is at a border of the image, or outside.
+    /// The principal point is at a border of the image or outside.
     PrincipalPoint {
         /// `cx` or `cy`.
         figure: &'static str,
-        /// What was found, px.
+        /// Value found, px.
         found: f64,
-        /// What can be, px.
+        /// Plausible range, px.
         plausible: [f64; 2],
         /// Width and height, px.
         size: [u32; 2],
     },
-    /// A coefficient of the lens is not finite.
+    /// A distortion coefficient is not finite.
     Coefficients {
-        /// What was found.
+        /// The coefficients.
         found: BrownConrady,
     },
-    /// Within the image two points of the scene fall on one pixel, or a pixel sees none: the lens model cannot be inverted.
+    /// The distortion cannot be inverted within the image: two rays share a pixel, or a pixel has none.
     Fold {
         /// The coefficients.
         found: BrownConrady,
-        /// The first raw pixel that was found to be seen along no ray, or along a wrong one.
+        /// The first raw pixel found without a correct inverse.
         pixel: [f64; 2],
     },
 }
 
 impl CameraError {
-    /// What a camera has.
+    /// The expected values, as text.
     #[must_use]
     pub fn expected(&self) -> String {
         match self {
@@ -117,7 +119,7 @@ impl CameraError {
         }
     }
 
-    /// What this one has, and where it may come from.
+    /// The values found, as text, with a hint at the cause.
     #[must_use]
     pub fn found(&self) -> String {
         match self {
@@ -161,12 +163,12 @@ impl std::fmt::Display for CameraError {
 impl std::error::Error for CameraError {}
 
 impl Camera {
-    /// Checks that the figures can be a camera's, and that its lens model is one to one within the image: each raw pixel is seen along
-    /// one ray, and the nearer pixels between it and the axis along rays between. Takes about as long as to undistort some thousands of
-    /// points.
+    /// Checks that intrinsics are plausible and that the distortion is one to one within the image: each raw pixel has
+    /// one ray, and pixels nearer to the axis have rays nearer to it. Takes about as long as undistorting some
+    /// thousands of points.
     ///
     /// # Errors
-    /// [`CameraError`], the first thing that is wrong.
+    /// [`CameraError`] for the first problem found.
     pub fn check(&self) -> Result<(), CameraError> {
         self.check_figures()?;
         self.check_view()?;
@@ -174,7 +176,7 @@ impl Camera {
             return Ok(());
         }
         let (w, h) = (f64::from(self.width) - 1.0, f64::from(self.height) - 1.0);
-        // Lens models fold from the outside inwards: the first sample, a corner, tells most of those that do.
+        // Distortions fold from the outside inwards: the first sample, a corner, detects most of them.
         for j in 0..=SAMPLES {
             for i in 0..=SAMPLES {
                 let share = |k: u32| f64::from(k) / f64::from(SAMPLES);
@@ -190,10 +192,10 @@ impl Camera {
         Ok(())
     }
 
-    /// The part of [`Self::check`] for which any size of the image will do.
+    /// The part of [`Self::check`] that does not depend on the image size.
     ///
     /// # Errors
-    /// [`CameraError`], the first thing that is wrong.
+    /// [`CameraError`] for the first problem found.
     pub fn check_figures(&self) -> Result<(), CameraError> {
         let sides = 1..=MAX_SIDE;
         if !sides.contains(&self.width) || !sides.contains(&self.height) {
@@ -221,7 +223,6 @@ impl Camera {
         Ok(())
     }
 
-    /// Focal lengths and principal point against the size of the image.
     fn check_view(&self) -> Result<(), CameraError> {
         let size = [self.width, self.height];
         let longer = f64::from(self.width.max(self.height));
@@ -251,19 +252,19 @@ impl Camera {
         Ok(())
     }
 
-    /// Whether a raw pixel is seen along the ray that its inverse says. A model that folds has several inverses: the lens' own is the one
-    /// that can be reached from the axis without a fold in between, where the determinant of the model's derivative becomes 0.
+    /// Whether undistorting a raw pixel yields the correct ray. A model that folds has several inverses; the correct
+    /// one can be reached from the axis without crossing a fold, where the determinant of the derivative becomes 0.
     fn inverts_at(&self, raw: Vec2) -> bool {
         let flat = self.undistort(raw);
         let error = (self.distort(flat) - raw).norm();
-        // Not the other way round: no number is no inverse.
+        // Also false for NaN.
         let returns = error <= MAX_ERROR;
         let ray = self.ray(flat);
         returns
             && (0..=STEPS).all(|k| {
                 let q = Vec2::new(ray.x, ray.y) * (f64::from(k) / f64::from(STEPS));
                 let [a, b, d] = self.distortion.derivative(q);
-                // A mirror image would have a positive determinant as well.
+                // A point reflection has a positive determinant as well.
                 a * d - b * b > 0.0 && a + d > 0.0
             })
     }

@@ -1,16 +1,16 @@
-//! What the figures of a sensor may be, so that all of them can be computed with.
+//! Plausible ranges of sensor parameters.
 
 use crate::Vec3;
 use std::ops::RangeInclusive;
 
-/// A figure that no such sensor has.
+/// A sensor parameter outside its plausible range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FigureError {
     /// The field.
     pub field: &'static str,
-    /// What it should hold.
+    /// The expected range, in words.
     pub expected: &'static str,
-    /// What it holds.
+    /// The value found.
     pub found: f64,
 }
 
@@ -27,10 +27,10 @@ impl std::fmt::Display for FigureError {
 
 impl std::error::Error for FigureError {}
 
-/// A figure: its name, what it is, what it may be, and the last in words.
+/// A parameter: name, value, allowed range, range in words.
 pub(crate) type Figure = (&'static str, f64, RangeInclusive<f64>, &'static str);
 
-/// The first figure that is out of its range: of a sensor's own, then its time offset (s) and where it is mounted (m).
+/// Returns the first parameter out of range: first the sensor's own, then time offset (s) and lever arm (m).
 pub(crate) fn check(own: &[Figure], time_offset: f64, lever: &Vec3) -> Result<(), FigureError> {
     let (second, ten) = ("within 1 s", "within 10 m");
     let mounted = [
@@ -39,7 +39,7 @@ pub(crate) fn check(own: &[Figure], time_offset: f64, lever: &Vec3) -> Result<()
         ("translation y", lever.y, -10.0..=10.0, ten),
         ("translation z", lever.z, -10.0..=10.0, ten),
     ];
-    // Also refuses what is no number.
+    // Also rejects NaN.
     let wrong = |figure: &&Figure| !figure.2.contains(&figure.1);
     match own.iter().chain(&mounted).find(wrong) {
         None => Ok(()),

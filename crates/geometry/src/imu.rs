@@ -1,29 +1,27 @@
-//! An inertial sensor: how it is mounted on the camera, and by how much it errs.
-//!
-//! Answers: what a sample of it means for the camera. Holds no samples.
+//! Model of an inertial sensor: mounting, time offset and noise. Holds no samples.
 
 use crate::figure::{self, FigureError};
 use crate::{Se3, Vec3, so3};
 
-/// An inertial sensor that is fixed to the camera. Its noise is that of the continuous model of IEEE Std 952-1997, annex C: white noise by its density,
-/// and a bias that walks.
+/// An inertial sensor fixed to the camera. Noise follows the continuous model of IEEE Std 952-1997, annex C: white
+/// noise given by its density, and a random-walk bias.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuModel {
-    /// Where the sensor is: maps its coordinates to those of the camera.
+    /// Pose of the sensor in the camera frame.
     pub camera_from_imu: Se3,
-    /// What is to be added to a sample's stamp to have the time on the camera's clock, s.
+    /// Added to a sample's stamp to get camera time, s.
     pub time_offset: f64,
     /// Density of the gyroscope's white noise, rad/s/sqrt(Hz).
     pub gyro_noise: f64,
-    /// Standard deviation of the gyroscope's bias when the sensor is switched on, rad/s.
+    /// Standard deviation of the gyroscope's turn-on bias, rad/s.
     pub gyro_bias: f64,
-    /// How the gyroscope's bias walks, rad/s/sqrt(s).
+    /// Random walk of the gyroscope's bias, rad/s/sqrt(s).
     pub gyro_walk: f64,
     /// Density of the accelerometer's white noise, m/s^2/sqrt(Hz).
     pub accel_noise: f64,
-    /// Standard deviation of the accelerometer's bias when the sensor is switched on, m/s^2.
+    /// Standard deviation of the accelerometer's turn-on bias, m/s^2.
     pub accel_bias: f64,
-    /// How the accelerometer's bias walks, m/s^2/sqrt(s).
+    /// Random walk of the accelerometer's bias, m/s^2/sqrt(s).
     pub accel_walk: f64,
 }
 
@@ -31,9 +29,10 @@ pub struct ImuModel {
 pub const STANDARD_GRAVITY: f64 = 9.806_65;
 
 impl ImuModel {
-    /// The Bosch BMI055, which Intel's D435i carries, at the camera's own place and axes. By its data sheet (BST-BMI055-DS000-08, July 2014), typical figures: gyroscope noise
-    /// 0.014 deg/s/sqrt(Hz), zero-rate offset 1 deg/s and 0.015 deg/s/K; accelerometer noise 150 ug/sqrt(Hz), zero-g offset 70 mg and 1 mg/K.
-    /// The data sheet says nothing of how a bias walks: a change of temperature by 1 K within a minute is taken for one standard deviation of it.
+    /// The Bosch BMI055 of Intel's D435i, in the camera's place and axes. Typical values of its data sheet
+    /// (BST-BMI055-DS000-08, July 2014): gyroscope noise 0.014 deg/s/sqrt(Hz), zero-rate offset 1 deg/s and 0.015
+    /// deg/s/K; accelerometer noise 150 ug/sqrt(Hz), zero-g offset 70 mg and 1 mg/K. The data sheet does not specify
+    /// bias walk: a temperature change of 1 K within a minute is taken as one standard deviation of it.
     #[must_use]
     pub fn bmi055() -> Self {
         let minute = 60.0_f64.sqrt();
@@ -49,7 +48,7 @@ impl ImuModel {
         }
     }
 
-    /// The same sensor mounted so: `camera_from_imu` maps its coordinates to those of the camera.
+    /// The same sensor with another mounting pose.
     #[must_use]
     pub fn mounted(self, camera_from_imu: Se3) -> Self {
         Self {
@@ -58,17 +57,17 @@ impl ImuModel {
         }
     }
 
-    /// The same sensor turned on its mount by a rotation vector in its own axes, rad.
+    /// The same sensor, its mounting rotated by a rotation vector in its own axes, rad.
     #[must_use]
     pub fn turned(self, turn: Vec3) -> Self {
         let turn = Se3::new(so3::exp(&turn), Vec3::zeros());
         self.mounted(self.camera_from_imu * turn)
     }
 
-    /// Whether all figures can be computed with.
+    /// Checks that all parameters are plausible.
     ///
     /// # Errors
-    /// [`FigureError`] for the first that cannot.
+    /// [`FigureError`] for the first that is not.
     pub fn check(&self) -> Result<(), FigureError> {
         let (noise, least) = ("above 0, in SI units", "of 0 or more, in SI units");
         let own = [

@@ -1,8 +1,8 @@
-//! Rotations, rigid motions, camera models, robust kernels, trajectory alignment and assignment, in f64.
+//! Rotations, rigid motions, camera models, robust kernels, trajectory alignment and assignment, in f64. Independent of
+//! images, features and maps.
 //!
-//! Answers: how points and poses map into each other, how large a residual may be, and which of these belongs to which of those. Does not know images, features
-//! or maps. Conventions: camera axes x right, y down, z forward; metres and radians; a pose named `a_from_b` maps
-//! coordinates of frame b to frame a; a twist is `[translation; rotation]` and perturbs a pose from the left.
+//! Conventions: camera axes x right, y down, z forward; metres and radians; a pose named `a_from_b` maps coordinates of
+//! frame b to frame a; a twist is `[translation; rotation]` and perturbs a pose from the left.
 
 mod alignment;
 mod assignment;

@@ -1,28 +1,28 @@
-//! Wheel odometry: how the camera stands on the base that it measures, and by how much it errs.
-//!
-//! Answers: what a motion of the base means for the camera, and how far it can be believed. Holds no samples.
+//! Model of wheel odometry: camera mounting, time offset and noise. Holds no samples.
 
 use crate::figure::{self, FigureError};
 use crate::{Se3, Vec3, so3};
 
-/// Odometry of the base that carries the camera. Its errors grow with the way and with the turn, as in the odometry motion model of Thrun, Burgard, Fox
-/// (Probabilistic Robotics, 2005, section 5.4): each figure is a standard deviation per metre or per radian.
+/// Odometry of the base that carries the camera. Errors grow with distance and rotation, as in the odometry motion
+/// model of Thrun, Burgard, Fox (Probabilistic Robotics, 2005, section 5.4): standard deviations per metre or per
+/// radian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OdometryModel {
-    /// Where the camera is on the base: maps its coordinates to those of the base.
+    /// Pose of the camera in the base frame.
     pub base_from_camera: Se3,
-    /// What is to be added to a sample's stamp to have the time on the camera's clock, s.
+    /// Added to a sample's stamp to get camera time, s.
     pub time_offset: f64,
-    /// By how much a way errs, m/m: slip, and wheels that are not as large as stated.
+    /// Error of the distance, m/m: slip and wrong wheel radii.
     pub slip_per_metre: f64,
-    /// By how much a turn errs, rad/rad.
+    /// Error of the rotation, rad/rad.
     pub slip_per_radian: f64,
-    /// By how much the base turns unnoticed on its way, rad/m.
+    /// Unmeasured rotation per distance, rad/m.
     pub turn_per_metre: f64,
 }
 
 impl OdometryModel {
-    /// Odometry of an indoor robot with two driven wheels, of a base on which the camera is mounted so: 2 % of the way, 3 % of a turn, and a degree per metre.
+    /// Odometry of an indoor robot with two driven wheels and the given camera mounting: 2 % of the distance, 3 % of
+    /// the rotation, and a degree per metre.
     #[must_use]
     pub fn mounted(base_from_camera: Se3) -> Self {
         Self {
@@ -34,7 +34,7 @@ impl OdometryModel {
         }
     }
 
-    /// The same odometry with the camera turned on its mount by a rotation vector in the axes of the base, rad.
+    /// The same odometry, the camera rotated on its mount by a rotation vector in the axes of the base, rad.
     #[must_use]
     pub fn turned(self, turn: Vec3) -> Self {
         let turn = Se3::new(so3::exp(&turn), Vec3::zeros());
@@ -44,16 +44,16 @@ impl OdometryModel {
         }
     }
 
-    /// The motion of the camera while the base moved so, each from its later coordinates to its earlier ones.
+    /// Converts a motion of the base to one of the camera; both map later to earlier coordinates.
     #[must_use]
     pub fn camera_motion(&self, earlier_from_later: &Se3) -> Se3 {
         self.base_from_camera.inverse() * *earlier_from_later * self.base_from_camera
     }
 
-    /// Whether all figures can be computed with.
+    /// Checks that all parameters are plausible.
     ///
     /// # Errors
-    /// [`FigureError`] for the first that cannot.
+    /// [`FigureError`] for the first that is not.
     pub fn check(&self) -> Result<(), FigureError> {
         let share = "above 0, 1 at most";
         let own = [
@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn a_camera_before_the_axle_is_swung_aside() {
-        // Half a metre before the axle, looking ahead: camera x is the base's -y, camera z its x.
+        // Half a metre in front of the axle, looking ahead: camera x is the base's -y, camera z its x.
         let axes = so3::exp(&Vec3::new(0.0, 0.0, -std::f64::consts::FRAC_PI_2))
             * so3::exp(&Vec3::new(-std::f64::consts::FRAC_PI_2, 0.0, 0.0));
         let model = OdometryModel::mounted(Se3::new(axes, Vec3::new(0.5, 0.0, 0.0)));

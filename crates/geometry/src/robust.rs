@@ -1,8 +1,8 @@
 //! Robust kernels and chi-square gates.
 //!
 //! A squared Mahalanobis residual of n normal components is chi-square distributed with n degrees of freedom; the gates
-//! are its 95 % quantiles. For n = 2 the quantile has a closed form, `-2 ln(1 - p)`; the others solve
-//! `P(n/2, x/2) = p` (regularised incomplete gamma function), which a test evaluates.
+//! are its 95 % quantiles. For n = 2 the quantile is `-2 ln(1 - p)`; the others solve `P(n/2, x/2) = p` (regularised
+//! incomplete gamma function), which a test verifies.
 
 /// 95 % quantile, 1 degree of freedom (depth alone).
 pub const CHI2_95_1: f64 = 3.841_458_820_694_124;

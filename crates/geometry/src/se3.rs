@@ -1,10 +1,10 @@
-//! The rigid motions SE(3).
+//! Rigid motions SE(3).
 
 use crate::{Mat3, Mat6, Vec3, Vec6, so3};
 use nalgebra::{Matrix4, UnitQuaternion};
 use std::ops::Mul;
 
-/// A rigid motion `x -> rotation * x + translation`. Named `a_from_b` where it maps coordinates of b to a.
+/// A rigid motion `x -> rotation * x + translation`, named `a_from_b` when it maps coordinates of b to a.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Se3 {
     /// Rotation part.
@@ -20,7 +20,7 @@ impl Default for Se3 {
 }
 
 impl Se3 {
-    /// The motion that changes nothing.
+    /// The identity.
     #[must_use]
     pub fn identity() -> Self {
         Self {
@@ -68,7 +68,7 @@ impl Se3 {
         Self::new(rotation, -(rotation * self.translation))
     }
 
-    /// The image of a point.
+    /// Maps a point.
     #[must_use]
     pub fn transform(&self, p: &Vec3) -> Vec3 {
         self.rotation * p + self.translation
@@ -103,7 +103,7 @@ impl Se3 {
         m
     }
 
-    /// The same motion with its quaternion brought back to unit length (after long products).
+    /// The same motion with its quaternion renormalised (after long products).
     #[must_use]
     pub fn normalized(&self) -> Self {
         Self::new(
@@ -112,7 +112,7 @@ impl Se3 {
         )
     }
 
-    /// The pose a share `s` of the way from `self` to `other`: linear in translation, slerp in rotation.
+    /// Interpolates from `self` (`s` = 0) to `other` (1): linear in translation, slerp in rotation.
     #[must_use]
     pub fn interpolate(&self, other: &Self, s: f64) -> Self {
         let delta = so3::log(&(self.rotation.inverse() * other.rotation));

@@ -1,5 +1,5 @@
 //! Laws of rotations, rigid motions, cameras, kernels and alignment, on random input.
-// The functions of the standard library are the witness that the crate `libm` does not provide.
+// Standard-library functions are an independent reference for the crate `libm`.
 #![allow(clippy::disallowed_methods)]
 
 use proptest::prelude::*;
@@ -8,13 +8,12 @@ use stillpoint_geometry::{
     AlignmentError, BrownConrady, Camera, Se3, Vec2, Vec3, Vec6, align_umeyama, robust, so3,
 };
 
-/// A vector with components within `±size`.
 fn vector(size: f64) -> impl Strategy<Value = Vec3> {
     [-size..size, -size..size, -size..size].prop_map(Vec3::from)
 }
 
-/// A rotation vector with an angle from 1e-12 to just below pi: the exponent is drawn, so that the series near zero and
-/// the closed form both get their share.
+/// A rotation vector with an angle from 1e-12 to just below pi. The exponent is drawn uniformly, to cover both the
+/// series near zero and the closed form.
 fn rotation_vector() -> impl Strategy<Value = Vec3> {
     (
         vector(1.0),
@@ -60,7 +59,7 @@ proptest! {
         prop_assert!((so3::log(&negated) - w).norm() < 1e-11 * (1.0 + w.norm()));
     }
 
-    /// Rodrigues' formula with sine and cosine of the standard library is the independent witness.
+    /// Independent reference: Rodrigues' formula with sine and cosine of the standard library.
     #[test]
     fn so3_exp_is_rodrigues(axis in vector(1.0), angle in 0.01..6.0f64) {
         prop_assume!(axis.norm() > 0.1);
@@ -70,7 +69,6 @@ proptest! {
         prop_assert!((got - stillpoint_geometry::Mat3::identity() - expected).amax() < 1e-13);
     }
 
-    /// Beyond half a turn the logarithm takes the short way round.
     #[test]
     fn so3_log_is_at_most_half_a_turn(axis in vector(1.0), angle in 3.2..6.2f64) {
         prop_assume!(axis.norm() > 0.1);
@@ -84,7 +82,7 @@ proptest! {
         prop_assert_eq!(so3::hat(&w) * x, w.cross(&x));
     }
 
-    /// `exp(w + d) = exp(J d) exp(w)` to first order: central differences along each axis.
+    /// `exp(w + d) = exp(J d) exp(w)` to first order, by central differences along each axis.
     #[test]
     fn left_jacobian_is_the_derivative(w in rotation_vector()) {
         let (j, step) = (so3::left_jacobian(&w), 1e-5);
@@ -115,7 +113,7 @@ proptest! {
         prop_assert!(close(&Se3::exp(&a.log()), &a, 1e-9));
     }
 
-    /// Steps along one twist add up, which ties translation and rotation of the exponential together.
+    /// Steps along one twist add up; this couples translation and rotation of the exponential.
     #[test]
     fn se3_exp_is_a_one_parameter_group(t in twist(), s in -1.0..1.0f64) {
         let whole = Se3::exp(&t);
@@ -188,13 +186,12 @@ proptest! {
         for (p, t) in points.iter().zip(&target) {
             prop_assert!((found.apply(p) - t).norm() < 1e-9 * (1.0 + scale));
         }
-        // Without scale the rotation is the same and the scale stays 1.
         let rigid = align_umeyama(&points, &target, false).unwrap();
         prop_assert_eq!(rigid.scale, 1.0);
         prop_assert!(so3::angle(&(rigid.target_from_source.rotation.inverse() * truth.rotation)) < 1e-8);
     }
 
-    /// A mirror image has no rigid motion that explains it, but the answer must still be a rotation.
+    /// No rigid motion maps points to their mirror image, but the result must still be a rotation.
     #[test]
     fn umeyama_never_mirrors(points in prop::collection::vec(vector(3.0), 6..20)) {
         prop_assume!(spread(&points) > 0.3);
@@ -234,7 +231,6 @@ proptest! {
     }
 }
 
-/// Smallest standard deviation over all directions.
 fn spread(points: &[Vec3]) -> f64 {
     let n = points.len() as f64;
     let mean = points.iter().fold(Vec3::zeros(), |a, p| a + p) / n;
@@ -321,8 +317,8 @@ fn umeyama_rejects_what_fixes_nothing() {
     }
 }
 
-/// Integrates the density of the chi-square distribution from 0 to `x` with Simpson's rule. With `x = t^2` the density
-/// of one degree of freedom loses its pole at zero.
+/// Integrates the chi-square density from 0 to `x` with Simpson's rule. With `x = t^2` the density of one degree of
+/// freedom loses its pole at zero.
 fn chi_square_probability(degrees: i32, x: f64) -> f64 {
     let k = f64::from(degrees);
     let density = |t: f64| {

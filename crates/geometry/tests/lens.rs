@@ -1,9 +1,9 @@
-//! Which cameras can be computed with.
+//! Acceptance and rejection of cameras.
 
 use crate::laws::fr1;
 use stillpoint_geometry::{BrownConrady, Camera, Vec2};
 
-/// The camera of Freiburg 1 with the five numbers given.
+/// The Freiburg 1 camera with other coefficients.
 fn with_lens([k1, k2, p1, p2, k3]: [f64; 5]) -> Camera {
     Camera {
         distortion: BrownConrady { k1, k2, p1, p2, k3 },
@@ -15,7 +15,7 @@ fn with_lens([k1, k2, p1, p2, k3]: [f64; 5]) -> Camera {
 fn real_lenses_can_be_inverted() {
     assert_eq!(fr1().check(), Ok(()));
     assert_eq!(fr1().rectified().check(), Ok(()));
-    // A wide webcam, a pincushion, and a lens that is decentred.
+    // A wide webcam, a pincushion and a decentred lens.
     for lens in [
         [-0.35, 0.12, 0.0, 0.0, -0.02],
         [0.3, 0.1, 0.0, 0.0, 0.0],
@@ -27,7 +27,7 @@ fn real_lenses_can_be_inverted() {
 
 #[test]
 fn a_lens_that_folds_within_the_image_is_refused() {
-    // That of Freiburg 1 without its last coefficient bends back before the corners.
+    // Freiburg 1 without its last coefficient folds before the corners.
     let forgotten = with_lens([0.2624, -0.9531, -0.0054, 0.0026, 0.0]);
     let said = forgotten.check().unwrap_err().to_string();
     for part in ["k2 = -0.9531", "k3 is 0: was it left out?", "pixel (0, 0)"] {
@@ -46,7 +46,7 @@ fn a_lens_that_folds_within_the_image_is_refused() {
             "{lens:?}: {said}"
         );
     }
-    // The same lens before a sensor that sees only its middle is well.
+    // The same lens with a sensor that sees only its middle is valid.
     let narrow = Camera {
         fx: 1500.0,
         fy: 1500.0,
@@ -73,7 +73,7 @@ fn figures_that_are_no_camera_are_refused() {
         };
         let said = camera.check().unwrap_err().to_string();
         assert!(said.contains("px per side"), "{said}");
-        // Asked all the same, it says something and does not fail.
+        // `contains` must not panic on such a camera.
         assert!(width > 0 || !camera.contains(Vec2::new(0.0, 0.0)));
     }
 }
@@ -143,7 +143,7 @@ fn unusual_cameras_are_allowed() {
         // A fisheye of 190 degrees on 848 x 800, and one of 220 whose circle is as high as the image.
         ([848, 800], [286.0, 286.0, 424.0, 400.0]),
         ([1280, 720], [187.5, 187.5, 640.0, 360.0]),
-        // Cropped: the principal point off by a third of the sides, and a strip.
+        // Cropped images: principal point off by a third of the sides; a strip.
         ([320, 240], [520.0, 520.0, 266.0, 40.0]),
         ([640, 64], [520.0, 520.0, 320.0, 30.0]),
         // One field of an interlaced image; a lens of 12 degrees.

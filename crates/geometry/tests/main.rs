@@ -1,6 +1,6 @@
 //! Rotations, rigid motions, cameras and alignment.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise test helpers as tests.
 
 mod laws;
 mod lens;

@@ -7,7 +7,7 @@ fn main() {
     divan::main();
 }
 
-/// What kernels run on where they do not run on portable code.
+/// Vector instruction set of this target.
 const VECTORS: Simd = if cfg!(target_arch = "aarch64") {
     Simd::Neon
 } else {

@@ -1,4 +1,4 @@
-//! AVX2 kernels of this crate, each the twin of a scalar function that gives the same bits. The only unsafe code of the crate.
+//! AVX2 kernels, each bit-identical to a scalar twin. The only unsafe code of the crate.
 #![allow(unsafe_code)]
 
 use std::arch::x86_64::*;
@@ -9,13 +9,13 @@ use crate::{
     resize::{Axis, blend_scalar, resample_scalar},
 };
 
-/// Every entry calls this, so that no instruction runs on a machine that lacks it. The detection is cached by the standard library.
+/// Guards every entry point, so that no AVX2 instruction runs on a machine without AVX2. The standard library caches
+/// the detection.
 #[inline]
 fn check() {
     assert!(Simd::Avx2.has_avx2(), "AVX2 kernel called without AVX2");
 }
 
-/// 32 bytes from `slice[index..]`.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn load_u8(slice: &[u8], index: usize) -> __m256i {
@@ -24,7 +24,6 @@ fn load_u8(slice: &[u8], index: usize) -> __m256i {
     unsafe { _mm256_loadu_si256(window.as_ptr().cast()) }
 }
 
-/// 16 bytes from `slice[index..]`.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn load_half_u8(slice: &[u8], index: usize) -> __m128i {
@@ -33,7 +32,6 @@ fn load_half_u8(slice: &[u8], index: usize) -> __m128i {
     unsafe { _mm_loadu_si128(window.as_ptr().cast()) }
 }
 
-/// 16 values of two bytes from `slice[index..]`.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn load_u16(slice: &[u16], index: usize) -> __m256i {
@@ -42,7 +40,6 @@ fn load_u16(slice: &[u16], index: usize) -> __m256i {
     unsafe { _mm256_loadu_si256(window.as_ptr().cast()) }
 }
 
-/// 16 values of two bytes from `slice[index..]`.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn load_i16(slice: &[i16], index: usize) -> __m256i {
@@ -51,7 +48,6 @@ fn load_i16(slice: &[i16], index: usize) -> __m256i {
     unsafe { _mm256_loadu_si256(window.as_ptr().cast()) }
 }
 
-/// Writes 32 bytes to `slice[index..]`.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn store_u8(slice: &mut [u8], index: usize, value: __m256i) {
@@ -60,7 +56,6 @@ fn store_u8(slice: &mut [u8], index: usize, value: __m256i) {
     unsafe { _mm256_storeu_si256(window.as_mut_ptr().cast(), value) }
 }
 
-/// Writes 16 values of two bytes to `slice[index..]`.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn store_u16(slice: &mut [u16], index: usize, value: __m256i) {
@@ -69,7 +64,6 @@ fn store_u16(slice: &mut [u16], index: usize, value: __m256i) {
     unsafe { _mm256_storeu_si256(window.as_mut_ptr().cast(), value) }
 }
 
-/// Writes 8 values of two bytes to `slice[index..]`.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn store_half_i16(slice: &mut [i16], index: usize, value: __m128i) {
@@ -93,7 +87,7 @@ fn luma_kernel(rgb: &[u8], out: &mut [u8]) {
     if out.len() < LUMA {
         return crate::image::luma_scalar(rgb, out);
     }
-    // Where the bytes of one channel stand in the three vectors of a block, gathered to where their pixels stand; -1 gives 0.
+    // Shuffle masks that gather the bytes of one channel from the three vectors of a block; -1 gives 0.
     let place = |channel: i8, vector: i8, pixel: i8| {
         let at = 3 * pixel + channel - 16 * vector;
         if (0..16).contains(&at) { at } else { -1 }
@@ -156,7 +150,8 @@ fn resample_row_kernel(source: &[u8], columns: &Axis, out: &mut [i16]) {
     }
 }
 
-/// Starts of blocks of `block` pixels that cover 0..width, which is at least one block; the last one overlaps the one before.
+/// Starts of blocks of `block` pixels that cover 0..width (at least one block); the last one may overlap its
+/// predecessor.
 #[inline(always)]
 fn blocks(width: usize, block: usize) -> impl Iterator<Item = usize> {
     (0..width.div_ceil(block)).map(move |k| (block * k).min(width - block))
@@ -219,7 +214,7 @@ fn smooth_row_kernel(source: &[u8], out: &mut [u16]) {
             _mm256_add_epi16(sum(2), sum(3)),
         )
     };
-    // The pixels of the first load begin 3 px before the block, those of the last end 4 px after it.
+    // The first load begins 3 px before the block, the last ends 4 px after it.
     for start in blocks(width - 7, 32) {
         let x = start + 3;
         let (even, odd) = (every_second(x), every_second(x + 1));
@@ -246,7 +241,7 @@ fn smooth_columns_kernel(rows: &[&[u16]; 7], out: &mut [u8]) {
     if out.len() < 32 {
         return smooth_columns_scalar(rows, out);
     }
-    // Cut to one length, so that one bounds check serves all loads of a block.
+    // Equal lengths: one bounds check serves all loads of a block.
     let rows = rows.map(|row| &row[..out.len()]);
     let taps = [
         _mm256_set1_epi16(TAPS[0] << 9),
@@ -255,7 +250,7 @@ fn smooth_columns_kernel(rows: &[&[u16]; 7], out: &mut [u8]) {
         _mm256_set1_epi16(TAPS[3] << 9),
     ];
     for start in blocks(out.len(), 32) {
-        // A loop rather than a function for each half: the compiler would call it through memory.
+        // A loop, since the compiler would call a function for each half through memory.
         let mut halves = [_mm256_set1_epi16(64); 2];
         for (half, sum) in halves.iter_mut().enumerate() {
             let x = start + 16 * half;

@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use crate::{GrayImage, Simd};
 
-/// The Gaussian of sigma 2 at 0, 1, 2, 3 px, scaled so that the seven taps add up to 128.
+/// Gaussian of sigma 2 at 0, 1, 2, 3 px, scaled so that the seven taps sum to 128.
 pub(crate) const TAPS: [i16; 4] = [28, 24, 17, 9];
 
-/// Smooths images, reusing its buffer. Pixels outside the image repeat the border.
+/// Smooths images, reusing its buffer. Pixels outside the image replicate the border.
 #[derive(Clone, Debug)]
 pub struct Blur {
     /// Ring of seven horizontally smoothed rows, values times 128.
@@ -25,7 +25,7 @@ impl Blur {
         }
     }
 
-    /// Writes the smoothed `source` to `target`, which gets its size.
+    /// Writes the smoothed `source` to `target`, which is resized.
     pub fn run(&mut self, source: &GrayImage, target: &mut GrayImage) {
         let (width, height) = (source.width(), source.height());
         target.resize(width, height);
@@ -71,7 +71,7 @@ fn smooth_row(source: &[u8], out: &mut [u16], simd: Simd) {
     smooth_row_span(source, 0..source.len(), out);
 }
 
-/// Smooths the pixels of `span` along the row. Values are pixel times 128, at most 32640.
+/// Smooths the pixels of `span` along the row. Output is pixel times 128, at most 32640.
 pub(crate) fn smooth_row_span(source: &[u8], span: Range<usize>, out: &mut [u16]) {
     let inner = span.start.max(3)..span.end.min(source.len().saturating_sub(3));
     if inner.is_empty() {
@@ -79,7 +79,7 @@ pub(crate) fn smooth_row_span(source: &[u8], span: Range<usize>, out: &mut [u16]
     }
     smooth_row_border(source, span.start..inner.start, out);
     smooth_row_border(source, inner.end..span.end, out);
-    // Slices of one length spare the loop its bounds checks, so that it becomes vector code.
+    // Slices of equal length remove bounds checks, so that the loop is vectorised.
     let shifted: [&[u8]; 7] =
         std::array::from_fn(|k| &source[inner.start + k - 3..][..inner.len()]);
     for (i, value) in out[inner.clone()].iter_mut().enumerate() {
@@ -91,7 +91,7 @@ pub(crate) fn smooth_row_span(source: &[u8], span: Range<usize>, out: &mut [u16]
     }
 }
 
-/// The same with pixels beyond the ends of the row repeated.
+/// Likewise, with replicated borders.
 fn smooth_row_border(source: &[u8], span: Range<usize>, out: &mut [u16]) {
     let last = source.len() - 1;
     let at = |x: usize| u16::from(source[x.min(last)]);
@@ -117,7 +117,7 @@ fn smooth_columns(rows: &[&[u16]; 7], out: &mut [u8], simd: Simd) {
     smooth_columns_scalar(rows, out);
 }
 
-/// Smooths along the columns. Products are cut to 1/128 grey levels, as the vector multiply does.
+/// Smooths along the columns. Products are truncated to 1/128 grey levels, like those of the vector multiply.
 pub(crate) fn smooth_columns_scalar(rows: &[&[u16]; 7], out: &mut [u8]) {
     let scaled = |value: u16, tap: i16| ((u32::from(value) * ((tap as u32) << 9)) >> 16) as u16;
     let rows = rows.map(|row| &row[..out.len()]);

@@ -1,15 +1,15 @@
-//! A depth image reduced to cells: what depth-connected regions and moving things are looked for in.
+//! Depth images reduced to cells, for depth-connected regions and motion detection.
 
 use crate::{DepthImage, workers};
 use std::array::from_fn;
 
-/// Samples that differ by at most this share of their depth are of one surface.
+/// Maximum depth range of samples of one surface, as a share of their depth.
 const ONE_SURFACE: f32 = 0.03;
 
-/// One depth per square cell of the image; 0 where most of the cell has none.
+/// One depth per square cell of the image; 0 where most of the cell has no depth.
 ///
-/// A cell's depth is the mean of the valid ones among 16 samples when they are of one surface, else their median: at an
-/// edge it is the depth of one side, never a mean of the two.
+/// The depth of a cell is the mean of the valid ones among 16 samples when they belong to one surface, else their
+/// median: at an edge it is the depth of one side, never a mean of both.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CoarseDepth {
     cell: usize,
@@ -19,7 +19,8 @@ pub struct CoarseDepth {
 }
 
 impl CoarseDepth {
-    /// Reduces a depth image to cells of `cell` x `cell` px (at least 4); a remainder at the right and bottom is left out.
+    /// Reduces a depth image to cells of `cell` x `cell` px (at least 4); a remainder at the right and bottom is
+    /// ignored.
     #[must_use]
     pub fn new(depth: &DepthImage, cell: usize) -> Self {
         let mut coarse = Self::default();
@@ -29,7 +30,7 @@ impl CoarseDepth {
 
     /// As [`CoarseDepth::new`], reusing the memory.
     pub fn rebuild(&mut self, depth: &DepthImage, cell: usize) {
-        // A larger cell than any image has none either.
+        // Larger than any image.
         let cell = cell.clamp(4, 1 << 24);
         let (width, height) = (depth.width() / cell, depth.height() / cell);
         (self.cell, self.width, self.height) = (cell, width, height);
@@ -57,13 +58,13 @@ impl CoarseDepth {
         self.height
     }
 
-    /// Depths, m, row by row; 0 where there is none.
+    /// Depths, m, row by row; 0 where unknown.
     #[must_use]
     pub fn data(&self) -> &[f32] {
         &self.data
     }
 
-    /// Depth of a cell, m; `None` where there is none or outside.
+    /// Depth of a cell, m; `None` where unknown or outside.
     #[must_use]
     pub fn get(&self, x: usize, y: usize) -> Option<f32> {
         let inside = x < self.width && y < self.height;
@@ -82,10 +83,10 @@ impl CoarseDepth {
     }
 }
 
-/// Rows of cells that one worker reduces, at least.
+/// Minimum rows of cells per worker.
 const ROWS_TOGETHER: usize = 15;
 
-/// The depths of some rows of cells of `cell` x `cell` px, from row `first` on.
+/// Depths of some rows of cells of `cell` x `cell` px, from row `first` on.
 fn reduce_rows(depth: &DepthImage, cell: usize, first: usize, data: &mut [f32]) {
     let width = depth.width() / cell;
     let offsets = [0, 1, 2, 3].map(|i| (2 * i + 1) * cell / 8);
@@ -94,7 +95,6 @@ fn reduce_rows(depth: &DepthImage, cell: usize, first: usize, data: &mut [f32]) 
             let start = (y * cell + o) * depth.width();
             &depth.data()[start..start + width * cell]
         });
-        // Blocks of cells are computed in vectors.
         let blocks = if cell == BLOCK_CELL { width / LANES } else { 0 };
         for x in 0..blocks {
             let block = |row: &&[f32]| row.as_chunks().0[x * LANES..].first_chunk().copied();
@@ -110,19 +110,17 @@ fn reduce_rows(depth: &DepthImage, cell: usize, first: usize, data: &mut [f32]) 
     }
 }
 
-/// Number of cells that are reduced together, as a block.
+/// Number of cells reduced together as a block.
 const LANES: usize = 4;
-/// Side of the cells that are reduced in blocks, px; cells of another side are reduced one by one.
+/// Side of cells reduced in blocks, px; other cells are reduced one by one.
 const BLOCK_CELL: usize = 8;
 
-/// A row of a block of cells.
 type BlockRow = [[f32; BLOCK_CELL]; LANES];
 
-/// The 16 samples of each of some cells; what is no depth is `f32::MAX`.
+/// The 16 samples of each of `L` cells; `f32::MAX` stands for invalid depths.
 struct Samples<const L: usize>([[f32; L]; 16]);
 
 impl Samples<LANES> {
-    /// From four rows of a block.
     #[inline(always)]
     fn of_block(rows: [&BlockRow; 4]) -> Self {
         let sample = |k: usize| std::array::from_fn(|l| or_max(rows[k / 4][l][2 * (k % 4) + 1]));
@@ -139,7 +137,7 @@ impl Samples<1> {
     }
 }
 
-/// A depth, or `f32::MAX` instead of what is none. Without a branch: holes lie where no predictor expects them.
+/// Replaces invalid depths by `f32::MAX`. Branch-free, since holes are unpredictable.
 #[inline(always)]
 fn or_max(z: f32) -> f32 {
     if (z > 0.0) & (z < f32::INFINITY) {
@@ -150,7 +148,6 @@ fn or_max(z: f32) -> f32 {
 }
 
 impl<const L: usize> Samples<L> {
-    /// The depths of the cells.
     #[inline(always)]
     fn reduce(&self) -> [f32; L] {
         let (mut near, mut far) = ([f32::MAX; L], [0.0_f32; L]);
@@ -176,8 +173,8 @@ impl<const L: usize> Samples<L> {
     }
 }
 
-/// Sorts 16 numbers by Batcher's merges of odd and even places (Knuth, The Art of Computer Programming 3, 5.2.2, algorithm M): 63 comparisons,
-/// whose outcomes no branch has to be predicted for.
+/// Sorts 16 numbers by Batcher's merges of odd and even places (Knuth, The Art of Computer Programming 3, 5.2.2,
+/// algorithm M): 63 branch-free comparisons.
 #[inline]
 fn sort(v: &mut [f32; 16]) {
     const NETWORK: [(usize, usize); 63] = network();
@@ -224,7 +221,7 @@ mod tests {
         DepthImage::from_vec(32, 24, data.map(|(x, y)| f(x, y)).collect()).unwrap()
     }
 
-    /// A network that sorts all arrays of zeros and ones sorts everything (Knuth, 5.3.4).
+    /// A network that sorts all arrays of zeros and ones sorts all arrays (Knuth, 5.3.4).
     #[test]
     fn sixteen_numbers_are_sorted() {
         for bits in 0..1_u32 << 16 {
@@ -235,7 +232,6 @@ mod tests {
         }
     }
 
-    /// A cell by its definition, one sample after the other.
     fn by_definition(depth: &DepthImage, cell: usize, x: usize, y: usize) -> f32 {
         let at = |i: usize| (2 * i + 1) * cell / 8;
         let sample = |k: usize| {
@@ -267,7 +263,7 @@ mod tests {
         for (width, height) in [(32, 24), (75, 33), (130, 17), (9, 9)] {
             let data = (0..width * height).map(|i| match next() {
                 hole if hole < 0.1 => [0.0, f32::NAN, f32::INFINITY, -1.0][i % 4],
-                // Blocks of one surface, and steps between them.
+                // Blocks of one surface, with steps between them.
                 _ => [1.0, 1.3, 2.0, 4.0][i % width / 11 % 4] * (1.0 + 0.012 * next()),
             });
             let image = DepthImage::from_vec(width, height, data.collect()).unwrap();

@@ -1,9 +1,9 @@
-//! RGB-D frames and where they come from.
+//! RGB-D frames and their sources.
 
 use crate::{ColourImage, DepthImage, GrayImage, ImuSample, OdometrySample};
 use std::sync::Arc;
 
-/// Number of a frame in its stream: 0, 1, 2, ... Also the id of the keyframe made from it.
+/// Number of a frame in its stream, from 0. Also the id of the keyframe made from it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct FrameId(pub u32);
 
@@ -13,25 +13,25 @@ impl std::fmt::Display for FrameId {
     }
 }
 
-/// One colour image with its depth image, registered to it.
+/// A colour image and a depth image registered to it.
 #[derive(Clone, Debug)]
 pub struct RgbdFrame {
     /// Number in the stream.
     pub id: FrameId,
-    /// Stamp of the colour image, s. Poses are stated for this time.
+    /// Stamp of the colour image, s, to which poses refer.
     pub stamp: f64,
     /// Stamp of the depth image, s; often some milliseconds off.
     pub depth_stamp: f64,
     /// Grey image, as recorded (distorted).
     pub gray: GrayImage,
-    /// Colour image, when somebody downstream wants it.
+    /// Colour image, if needed downstream.
     pub colour: Option<Arc<ColourImage>>,
     /// Depth, m, of the same size as `gray`.
     pub depth: DepthImage,
 }
 
 impl RgbdFrame {
-    /// The same frame as of a camera that measured no depth.
+    /// The same frame without depth measurements.
     #[must_use]
     pub fn without_depth(&self) -> Self {
         let (width, height) = (self.depth.width(), self.depth.height());
@@ -47,12 +47,12 @@ impl RgbdFrame {
     }
 }
 
-/// A stream of frames failed.
+/// Error of a stream of frames.
 #[derive(Debug)]
 pub struct SourceError {
-    /// What was expected, what was found, where, and what to do.
+    /// Message that states expectation, finding, place and remedy.
     pub message: String,
-    /// True when the frames after this one can still be read: this one was skipped.
+    /// True when only this frame was skipped and later ones can still be read.
     pub recoverable: bool,
 }
 
@@ -64,29 +64,29 @@ impl std::fmt::Display for SourceError {
 
 impl std::error::Error for SourceError {}
 
-/// Something that yields frames in the order of time: a data set, a simulator, a camera.
+/// A source of frames in temporal order: a data set, a simulator, a camera.
 pub trait FrameSource: Send {
     /// The next frame; `None` at the end of the stream. After a recoverable error the next call continues with the next
     /// frame; after any other error the stream has ended.
     fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>>;
 
-    /// Samples of an inertial sensor since the last call, in order of time: up to the newest frame that was returned, and the first sample after
-    /// it if there is one. Call this after each frame. A source that wraps another source forwards the call.
+    /// Inertial samples since the last call, in temporal order: up to the newest returned frame, and the first sample
+    /// after it if there is one. Call this after each frame. Sources that wrap another source must forward the call.
     fn take_inertial(&mut self) -> Vec<ImuSample> {
         Vec::new()
     }
 
-    /// The same of odometry.
+    /// Odometry samples, likewise.
     fn take_odometry(&mut self) -> Vec<OdometrySample> {
         Vec::new()
     }
 
-    /// How many frames are left, when that is known.
+    /// Number of remaining frames, if known.
     fn remaining(&self) -> Option<usize> {
         None
     }
 
-    /// Whether frames come when a camera takes them: nobody has to hold them back to the pace of their stamps.
+    /// Whether frames arrive in real time, so that playback need not be paced by their stamps.
     fn is_live(&self) -> bool {
         false
     }

@@ -1,6 +1,6 @@
 //! Owned images, row by row without padding.
 
-/// The data of an image does not have the size that its width and height ask for.
+/// The length of the data does not match the image size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SizeError {
     /// Number of elements expected.
@@ -21,7 +21,6 @@ impl std::fmt::Display for SizeError {
 
 impl std::error::Error for SizeError {}
 
-/// Elements of an image: as many as there can be at all where the product is too large for a number, which no data has.
 fn elements(channels: usize, width: usize, height: usize) -> usize {
     let pixels = width.checked_mul(height);
     pixels
@@ -49,7 +48,7 @@ impl GrayImage {
     /// A black image.
     ///
     /// # Panics
-    /// No memory holds an image of this size.
+    /// If the size exceeds memory.
     #[must_use]
     pub fn new(width: usize, height: usize) -> Self {
         Self {
@@ -72,10 +71,10 @@ impl GrayImage {
         })
     }
 
-    /// Changes the size, keeping the allocation where it suffices. The content is unspecified afterwards.
+    /// Resizes the image, reusing the allocation where possible. The content is unspecified afterwards.
     ///
     /// # Panics
-    /// No memory holds an image of this size.
+    /// If the size exceeds memory.
     pub fn resize(&mut self, width: usize, height: usize) {
         self.data.resize(elements(1, width, height), 0);
         (self.width, self.height) = (width, height);
@@ -158,7 +157,7 @@ impl ColourImage {
         &self.data
     }
 
-    /// The pixels, for another image to be put where they are.
+    /// Returns the pixel buffer, for reuse.
     #[must_use]
     pub fn into_vec(self) -> Vec<u8> {
         self.data
@@ -180,7 +179,7 @@ impl ColourImage {
     }
 }
 
-/// The luma of interleaved pixels: the same bits by any instructions.
+/// The luma of interleaved pixels, bit-identical for all instruction sets.
 pub(crate) fn luma(rgb: &[u8], out: &mut [u8], simd: crate::Simd) {
     #[cfg(target_arch = "x86_64")]
     if simd.has_avx2() {
@@ -198,7 +197,7 @@ pub(crate) fn luma_scalar(rgb: &[u8], out: &mut [u8]) {
     }
 }
 
-/// A depth image of `height` x `width` in metres along the optical axis; 0 where there is no measurement.
+/// A depth image of `height` x `width` in metres along the optical axis; 0 where unknown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DepthImage {
     width: usize,
@@ -207,14 +206,14 @@ pub struct DepthImage {
 }
 
 impl DepthImage {
-    /// From rows of depths in metres. Values that are not finite or negative become 0 (no measurement).
+    /// From rows of depths in metres. Values that are not finite or negative become 0 (unknown).
     ///
     /// # Errors
     /// [`SizeError`] unless `data.len() == width * height`.
     pub fn from_vec(width: usize, height: usize, mut data: Vec<f32>) -> Result<Self, SizeError> {
         check(elements(1, width, height), data.len())?;
         for z in &mut data {
-            // Written either way, so that it is done in vectors.
+            // Unconditional store, for vectorisation.
             let usable = (*z > 0.0) & (*z < f32::INFINITY);
             *z = if usable { *z } else { 0.0 };
         }
@@ -243,7 +242,7 @@ impl DepthImage {
         &self.data
     }
 
-    /// The same view in another number of pixels: each has the depth of the one at its place, since between two surfaces there is none. `None` for a size of no pixels.
+    /// Nearest-neighbour resampling, which invents no depths between surfaces. `None` for an empty size.
     #[must_use]
     pub fn resampled(&self, width: usize, height: usize) -> Option<Self> {
         if width == 0 || height == 0 || self.data.is_empty() {
@@ -264,7 +263,7 @@ impl DepthImage {
         })
     }
 
-    /// Depth of one pixel, m, or 0 for none. Panics when outside.
+    /// Depth of one pixel, m, or 0 if unknown. Panics when outside.
     #[must_use]
     pub fn at(&self, x: usize, y: usize) -> f32 {
         debug_assert!(x < self.width);
@@ -290,7 +289,6 @@ mod tests {
         assert!(small.resampled(0, 1).is_none());
     }
 
-    /// All weights of all values, at every place of a block and beside its ends.
     #[test]
     fn luma_is_the_same_by_any_instructions() {
         for pixels in (1..70).chain([307, 4096]) {
@@ -313,7 +311,7 @@ mod tests {
         assert_eq!((fast[0], fast[7]), (0, 255));
     }
 
-    /// Sizes whose product is 0 or small in 64 bits, with data of that length.
+    /// Sizes whose product wraps to 0 or a small number in 64 bits, with data of that length.
     #[test]
     fn sizes_that_wrap_are_refused() {
         let half = 1 << (usize::BITS / 2);
@@ -323,7 +321,7 @@ mod tests {
         assert!(
             GrayImage::from_vec(usize::MAX, 2, vec![0; usize::MAX.wrapping_mul(2) & 1]).is_err()
         );
-        // Three times this is 2 in 64 bits.
+        // Three times this wraps to 2 in 64 bits.
         let third = usize::MAX / 3 + 1;
         assert!(ColourImage::from_vec(third, 1, vec![0; third.wrapping_mul(3)]).is_err());
         for wide in [

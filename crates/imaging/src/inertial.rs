@@ -1,20 +1,20 @@
-//! What an inertial sensor beside the camera measures between frames.
+//! Inertial samples between frames.
 
 use crate::samples::{SampleTrack, Stamped};
 
 /// One reading of a gyroscope and an accelerometer, in the axes of the sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ImuSample {
-    /// When it was taken, s, by the stamps of the frames but for the sensor's time offset.
+    /// Stamp, s, on the clock of the frames except for the sensor's time offset.
     pub stamp: f64,
     /// Angular rate, rad/s.
     pub angular_rate: [f64; 3],
-    /// Specific force, m/s^2: of a sensor at rest that of gravity, upwards.
+    /// Specific force, m/s^2: at rest it points up with the magnitude of gravity.
     pub specific_force: [f64; 3],
 }
 
 impl ImuSample {
-    /// Whether all of it are numbers.
+    /// True when all values are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         let values = self.angular_rate.iter().chain(&self.specific_force);
@@ -28,7 +28,7 @@ impl Stamped for ImuSample {
     }
 }
 
-/// Samples of an inertial sensor, of which a source gives those that belong to a frame.
+/// Inertial samples, handed out frame by frame.
 pub type ImuTrack = SampleTrack<ImuSample>;
 
 #[cfg(test)]

@@ -1,6 +1,4 @@
-//! Images, pyramids and RGB-D frames.
-//!
-//! Answers: what a frame is and how its pixels are reached. Does not know files (crate `datasets`) or features.
+//! Images, pyramids and RGB-D frames. Independent of files (crate `datasets`) and features.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

@@ -1,6 +1,6 @@
-//! NEON kernels of this crate, each the twin of a scalar function that gives the same bits. The only unsafe code of the crate on 64-bit Arm.
+//! NEON kernels, each bit-identical to a scalar twin. The only unsafe code of the crate on 64-bit Arm.
 //!
-//! Gray values have none: of their portable code the compiler makes NEON that takes fewer instructions than what was written by hand.
+//! Luma has none: the compiler generates better NEON code from its portable version than the hand-written one.
 #![allow(unsafe_code)]
 
 use std::arch::aarch64::*;
@@ -11,16 +11,16 @@ use crate::{
     resize::{Axis, blend_scalar, resample_scalar},
 };
 
-/// Pixels of a block of all kernels.
+/// Pixels per block of all kernels.
 const BLOCK: usize = 16;
 
-/// Every entry calls this, so that no instruction runs on a machine that lacks it. Where all machines of a target have NEON it costs nothing.
+/// Guards every entry point, so that no NEON instruction runs on a machine without NEON. Free where all machines of a
+/// target have NEON.
 #[inline]
 fn check() {
     assert!(Simd::Neon.has_neon(), "NEON kernel called without NEON");
 }
 
-/// 16 bytes from `slice[index..]`.
 #[inline]
 #[target_feature(enable = "neon")]
 fn load_u8(slice: &[u8], index: usize) -> uint8x16_t {
@@ -29,7 +29,6 @@ fn load_u8(slice: &[u8], index: usize) -> uint8x16_t {
     unsafe { vld1q_u8(window.as_ptr()) }
 }
 
-/// 8 values of two bytes from `slice[index..]`.
 #[inline]
 #[target_feature(enable = "neon")]
 fn load_u16(slice: &[u16], index: usize) -> uint16x8_t {
@@ -38,7 +37,6 @@ fn load_u16(slice: &[u16], index: usize) -> uint16x8_t {
     unsafe { vld1q_u16(window.as_ptr()) }
 }
 
-/// 8 values of two bytes from `slice[index..]`.
 #[inline]
 #[target_feature(enable = "neon")]
 fn load_i16(slice: &[i16], index: usize) -> int16x8_t {
@@ -47,7 +45,6 @@ fn load_i16(slice: &[i16], index: usize) -> int16x8_t {
     unsafe { vld1q_s16(window.as_ptr()) }
 }
 
-/// Writes 16 bytes to `slice[index..]`.
 #[inline]
 #[target_feature(enable = "neon")]
 fn store_u8(slice: &mut [u8], index: usize, value: uint8x16_t) {
@@ -56,7 +53,6 @@ fn store_u8(slice: &mut [u8], index: usize, value: uint8x16_t) {
     unsafe { vst1q_u8(window.as_mut_ptr(), value) }
 }
 
-/// Writes 8 values of two bytes to `slice[index..]`.
 #[inline]
 #[target_feature(enable = "neon")]
 fn store_u16(slice: &mut [u16], index: usize, value: uint16x8_t) {
@@ -65,7 +61,6 @@ fn store_u16(slice: &mut [u16], index: usize, value: uint16x8_t) {
     unsafe { vst1q_u16(window.as_mut_ptr(), value) }
 }
 
-/// Writes 8 values of two bytes to `slice[index..]`.
 #[inline]
 #[target_feature(enable = "neon")]
 fn store_i16(slice: &mut [i16], index: usize, value: int16x8_t) {
@@ -74,7 +69,7 @@ fn store_i16(slice: &mut [i16], index: usize, value: int16x8_t) {
     unsafe { vst1q_s16(window.as_mut_ptr(), value) }
 }
 
-/// Starts of blocks that cover 0..width, which is at least one block; the last one overlaps the one before.
+/// Starts of blocks that cover 0..width (at least one block); the last one may overlap its predecessor.
 #[inline(always)]
 fn blocks(width: usize) -> impl Iterator<Item = usize> {
     (0..width.div_ceil(BLOCK)).map(move |k| (BLOCK * k).min(width - BLOCK))
@@ -102,7 +97,7 @@ fn resample_row_kernel(source: &[u8], columns: &Axis, out: &mut [i16]) {
             )
         };
         let pairs = vqtbl1q_u8(bytes, shuffle);
-        // From 1 to 127, so that the sign does not matter.
+        // Weights are 1 to 127: the sign is irrelevant.
         let weights = vreinterpretq_u8_s8(weights);
         let low = vmull_u8(vget_low_u8(pairs), vget_low_u8(weights));
         let sums = vpaddq_u16(low, vmull_high_u8(pairs, weights));
@@ -157,16 +152,14 @@ fn smooth_row_kernel(source: &[u8], out: &mut [u16]) {
     {
         smooth_block(window, out);
     }
-    // The last block overlaps the one before.
     smooth_block(&source[width - REACH..], &mut inner[width - REACH..]);
     smooth_row_span(source, 0..3, out);
     smooth_row_span(source, width - 3..width, out);
 }
 
-/// Pixels that a block is made of: it reaches 3 px to both sides.
+/// Input pixels of a block, which extends 3 px to both sides.
 const REACH: usize = BLOCK + 6;
 
-/// Smooths a block.
 #[inline]
 #[target_feature(enable = "neon")]
 fn smooth_block(window: &[u8], out: &mut [u16]) {
@@ -196,10 +189,11 @@ fn smooth_columns_kernel(rows: &[&[u16]; 7], out: &mut [u8]) {
     if out.len() < BLOCK {
         return smooth_columns_scalar(rows, out);
     }
-    // Cut to one length, so that one bounds check serves all loads of a block.
+    // Equal lengths: one bounds check serves all loads of a block.
     let rows = rows.map(|row| &row[..out.len()]);
-    // The doubling multiply computes v * (tap * 256) * 2 >> 16, which is v tap >> 7, of signed words. A pair is at most 2 x 32640, which fits an unsigned
-    // one: less 2^15 it fits a signed one, and its product is less by 256 tap, a whole number. These are added again at the end.
+    // The doubling multiply computes v * (tap * 256) * 2 >> 16, which is v tap >> 7, of signed words. A pair is at most
+    // 2 x 32640, an unsigned word: minus 2^15 it fits a signed one, and its product is smaller by 256 tap, a whole
+    // number, which is added at the end.
     let scaled = |v: uint16x8_t, k: usize| {
         let product = vqdmulhq_n_s16(vreinterpretq_s16_u16(v), TAPS[k] << 8);
         vreinterpretq_u16_s16(product)

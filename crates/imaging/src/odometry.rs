@@ -1,23 +1,24 @@
-//! What odometry beside the camera measures between frames.
+//! Wheel odometry samples between frames.
 
 use crate::samples::{SampleTrack, Stamped};
 
-/// Where a base is by its wheels: the pose `odom_from_base`. Only motions between two samples mean something: the frame of reference is wherever the wheels began to count, and drifts.
+/// Pose of a base by its wheels, `odom_from_base`. Only motions between two samples are meaningful: the frame of
+/// reference is arbitrary and drifts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OdometrySample {
-    /// When it was there, s, by the stamps of the frames but for the odometry's time offset.
+    /// Stamp, s, on the clock of the frames except for the odometry's time offset.
     pub stamp: f64,
-    /// Where the base is, m.
+    /// Position of the base, m.
     pub position: [f64; 3],
-    /// How it stands: a quaternion x y z w that turns its axes to those of the odometry.
+    /// Orientation of the base: a quaternion x y z w that rotates its axes to those of the odometry.
     pub orientation: [f64; 4],
-    /// Standard deviations of place, m, and direction, rad, about each axis, since the wheels began to count; none where the source knows none. What they grow by is what a motion
-    /// errs by, if that is more than the odometry's own figures say.
+    /// Standard deviations of position, m, and rotation, rad, about each axis, accumulated since the odometry started;
+    /// `None` if unknown. Their increase is the error of a motion, if larger than the model's own figures.
     pub sigmas: Option<[f64; 2]>,
 }
 
 impl Default for OdometrySample {
-    /// Where the wheels began to count.
+    /// The origin of the odometry.
     fn default() -> Self {
         Self {
             stamp: 0.0,
@@ -29,10 +30,10 @@ impl Default for OdometrySample {
 }
 
 impl OdometrySample {
-    /// By how much the length of an orientation may differ from 1: it is written with some digits.
+    /// Tolerance of the length 1 of an orientation, to allow for rounded text.
     pub const LENGTH_TOLERANCE: f64 = 1e-3;
 
-    /// Whether it is a pose: of numbers, with an orientation of length 1.
+    /// Whether all values are finite and the orientation has length 1.
     #[must_use]
     pub fn is_pose(&self) -> bool {
         let sigmas = self.sigmas.unwrap_or_default();
@@ -41,7 +42,7 @@ impl OdometrySample {
         finite && (self.length() - 1.0).abs() <= Self::LENGTH_TOLERANCE
     }
 
-    /// The length of the orientation.
+    /// Norm of the orientation.
     #[must_use]
     pub fn length(&self) -> f64 {
         self.orientation.iter().map(|q| q * q).sum::<f64>().sqrt()
@@ -54,7 +55,7 @@ impl Stamped for OdometrySample {
     }
 }
 
-/// Samples of odometry, of which a source gives those that belong to a frame.
+/// Odometry samples, handed out frame by frame.
 pub type OdometryTrack = SampleTrack<OdometrySample>;
 
 #[cfg(test)]

@@ -1,12 +1,11 @@
 //! Image pyramids.
 //!
-//! Answers: what an image looks like at coarser scales, and where a pixel of one scale lies in the original. Level `l` is smaller by `s = factor^l`,
-//! exactly and in both directions. Images are aligned at their upper left corner, so with pixel centres at integers
-//! `x0 = (x_l + 0.5) s - 0.5`: a position found at any level has no bias that depends on the level.
+//! Level `l` is smaller by exactly `s = factor^l` in both directions. Images are aligned at their upper left corner, so
+//! with pixel centres at integers `x0 = (x_l + 0.5) s - 0.5`: positions have no bias that depends on the level.
 
 use crate::{Blur, GrayImage, Simd, resize::Resizer, workers};
 
-/// Scaled copies of an image, each made from the next finer one, and their smoothed versions. Buffers are reused from image to image.
+/// Scaled copies of an image, each made from the next finer one, and their smoothed versions. Buffers are reused.
 #[derive(Clone, Debug)]
 pub struct Pyramid {
     factor: f64,
@@ -15,18 +14,16 @@ pub struct Pyramid {
     smooth: Vec<GrayImage>,
     /// One per level from the second on, for the present image size.
     resizers: Vec<Resizer>,
-    /// One per level, too.
     blurs: Vec<Blur>,
     simd: Simd,
 }
 
 impl Pyramid {
-    /// A pyramid of `levels` (at least 1) levels, each smaller than the one before by `factor`. Values that make no pyramid are brought into range:
-    /// at least one level, a factor of at least 1.
+    /// A pyramid of `levels` levels, each smaller than the previous one by `factor`. Both are clamped to at least 1.
     #[must_use]
     pub fn new(levels: usize, factor: f32, simd: Simd) -> Self {
         let levels = levels.max(1);
-        // A NaN becomes 1 as well.
+        // NaN becomes 1 as well.
         let factor = f64::from(factor.max(1.0));
         let scales = (0..levels)
             .map(|level| power(factor, level) as f32)
@@ -69,8 +66,8 @@ impl Pyramid {
         self.smooth_beside(&mut nothing, |_, ()| {});
     }
 
-    /// Smooths every level, and beside that does something with it and what belongs to it: item `l` of `beside` is of level `l`. Levels are shared
-    /// among [`Workers`](crate::Workers).
+    /// Smooths every level and calls `work` with the level's image and item `l` of `beside`. Levels are shared among
+    /// [`Workers`](crate::Workers).
     pub fn smooth_beside<T: Send>(
         &mut self,
         beside: &mut [T],
@@ -121,10 +118,9 @@ impl Pyramid {
     }
 }
 
-/// Levels with their smoothed images and what smooths them.
 type Smoothed<'a> = (&'a [GrayImage], &'a mut [GrayImage], &'a mut [Blur]);
 
-/// Smooths levels, and beside that works on them; the finest level costs as much as most others together.
+/// Smooths levels and runs `work` on them, splitting in halves: the finest level costs as much as most others together.
 fn smooth_shared<T: Send>(
     (levels, smooth, blurs): Smoothed<'_>,
     beside: &mut [T],
@@ -151,7 +147,7 @@ fn smooth_shared<T: Send>(
     }
 }
 
-/// `base^exponent` by repeated multiplication, which gives the same bits everywhere.
+/// `base^exponent` by repeated multiplication, bit-identical on all platforms.
 fn power(base: f64, exponent: usize) -> f64 {
     (0..exponent).fold(1.0, |product, _| product * base)
 }

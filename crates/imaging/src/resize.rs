@@ -5,14 +5,15 @@
 
 use crate::{GrayImage, Simd};
 
-/// Where the target pixels of one axis sample the source: between `left` and `left + 1`.
+/// Sampling positions of the target pixels along one axis: between `left` and `left + 1`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Axis {
-    /// Index of the pixel before the sample; at most source length - 2 where the source has two pixels.
+    /// Index of the pixel before the sample; at most source length - 2 if the source has two pixels.
     pub(crate) left: Vec<u32>,
-    /// Fraction towards the next pixel in 1/128, 1..=127. Both weights then fit a signed byte; the error is at most 1/128 px.
+    /// Weight of the next pixel in 1/128, 1..=127. Both weights then fit a signed byte; the error is at most 1/128 px.
     pub(crate) fraction: Vec<u8>,
-    /// Eight targets each, together all of them (the last group overlaps the one before); empty when some group cannot be built.
+    /// Groups of eight targets that cover all of them (the last may overlap its predecessor); empty when a group cannot
+    /// be built.
     #[cfg_attr(
         not(any(target_arch = "x86_64", target_arch = "aarch64")),
         allow(dead_code)
@@ -20,21 +21,18 @@ pub(crate) struct Axis {
     pub(crate) groups: Vec<Group>,
 }
 
-/// How to make eight adjacent targets from 16 adjacent source bytes.
-// Only the vector kernels read this.
+/// Computes eight adjacent targets from 16 adjacent source bytes.
+// Only used by vector kernels.
 #[cfg_attr(
     not(any(target_arch = "x86_64", target_arch = "aarch64")),
     allow(dead_code)
 )]
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
-    /// First target.
     pub(crate) start: usize,
-    /// First source byte.
     pub(crate) base: usize,
     /// Byte indices of the 8 x (left, right) pairs, relative to `base`.
     pub(crate) shuffle: [u8; 16],
-    /// The weights of the pairs, in 1/128.
     pub(crate) weights: [i8; 16],
 }
 
@@ -57,7 +55,7 @@ impl Axis {
         axis
     }
 
-    /// The group of the eight targets from `start` on; `None` when they need more than 16 source bytes.
+    /// The group of eight targets from `start` on; `None` when they need more than 16 source bytes.
     fn group(&self, start: usize, source: usize) -> Option<Group> {
         let base = (self.left[start] as usize).min(source - 16);
         let (mut shuffle, mut weights) = ([0; 16], [0; 16]);
@@ -109,7 +107,7 @@ impl Resizer {
         }
     }
 
-    /// Resamples `source`, which must have the size given to `new`, into `target`, which gets the other.
+    /// Resamples `source`, which must have the size given to `new`, into `target`, which is resized.
     pub(crate) fn run(&mut self, source: &GrayImage, target: &mut GrayImage) {
         debug_assert_eq!((source.width(), source.height()), self.source);
         let (width, height) = self.target;
@@ -118,7 +116,7 @@ impl Resizer {
             target.data_mut().fill(0);
             return;
         }
-        // Source row held by each line; a row is resampled once even when two target rows use it.
+        // Source row held by each line: a row used by two target rows is resampled once.
         let mut held = [usize::MAX; 2];
         for y in 0..height {
             let top = self.rows.left[y] as usize;
@@ -191,7 +189,6 @@ fn blend_rows(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8], simd: 
     blend_scalar(top, bottom, fraction, out);
 }
 
-/// Blends two resampled rows.
 pub(crate) fn blend_scalar(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8]) {
     for ((value, &a), &b) in out.iter_mut().zip(top).zip(bottom) {
         let step = (i32::from(b - a) * i32::from(fraction) + 64) >> 7;

@@ -1,11 +1,10 @@
-//! Depth images packed by runs of zeros and differences of variable length: A. D. Wilson, Fast lossless depth image compression,
-//! ACM Interactive Surfaces and Spaces 2017.
+//! RVL compression of depth images by runs of zeros and variable-length differences: A. D. Wilson, Fast lossless depth
+//! image compression, ACM Interactive Surfaces and Spaces 2017.
 
-/// Writes numbers of three bits per half byte, the highest half byte of each 32-bit word first.
+/// Writes numbers as groups of three bits in half bytes, the highest half byte of each 32-bit word first.
 struct Writer<'a> {
     out: &'a mut Vec<u8>,
     word: u64,
-    /// Half bytes in `word`.
     filled: u32,
 }
 
@@ -36,7 +35,7 @@ impl Writer<'_> {
     }
 }
 
-/// Packs values into `out`, which is emptied first.
+/// Packs values into `out`, which is cleared first.
 pub fn encode(values: &[u16], out: &mut Vec<u8>) {
     out.clear();
     let mut writer = Writer {
@@ -61,7 +60,6 @@ pub fn encode(values: &[u16], out: &mut Vec<u8>) {
     writer.finish();
 }
 
-/// Reads what [`Writer`] wrote.
 struct Reader<'a> {
     words: std::slice::ChunksExact<'a, u8>,
     word: u32,
@@ -89,8 +87,8 @@ impl Reader<'_> {
     }
 }
 
-/// Unpacks `count` values into `out`, which is emptied first; `None` for bytes that are not that many. It takes no more memory than the values that it has read,
-/// but for runs of zeros.
+/// Unpacks `count` values into `out`, which is cleared first; `None` for malformed bytes. Memory is proportional to the
+/// values read, except for runs of zeros.
 #[must_use]
 pub fn decode(bytes: &[u8], count: usize, out: &mut Vec<u16>) -> Option<()> {
     out.clear();
@@ -139,7 +137,7 @@ mod tests {
         }
     }
 
-    /// The bytes are those of Wilson's paper: two zeros, then +5, -1, +0.
+    /// The bytes of Wilson's paper: two zeros, then +5, -1, +0.
     #[test]
     fn the_code_is_the_published_one() {
         let mut bytes = Vec::new();
@@ -152,7 +150,7 @@ mod tests {
         decode(bytes, count, &mut out).map(|()| out)
     }
 
-    /// Half bytes, the first one highest in its word.
+    /// Packs half bytes, the first one highest in its word.
     fn words(halves: &[u8]) -> Vec<u8> {
         let word = |chunk: &[u8]| {
             let place = |(i, h): (usize, &u8)| u32::from(*h) << (28 - 4 * i);
@@ -172,7 +170,6 @@ mod tests {
         assert_eq!(decoded(&bytes, 6), None, "nothing is left");
         assert_eq!(decoded(&bytes, 4), None, "more than there is room for");
         assert_eq!(decoded(&[], 1), None);
-        // Numbers without an end, and runs of nothing.
         assert_eq!(decoded(&[0xff; 64], 100), None);
         assert_eq!(decoded(&[0; 64], 100), None);
     }

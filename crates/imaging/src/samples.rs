@@ -1,14 +1,14 @@
-//! Samples of sensors beside the camera, between frames.
+//! Sensor samples between frames.
 
 use std::sync::Arc;
 
-/// What has a stamp.
+/// Data with a stamp.
 pub trait Stamped {
-    /// When it was taken, s.
+    /// Stamp, s.
     fn stamp(&self) -> f64;
 }
 
-/// Samples in order of time, of which a source gives those that belong to a frame.
+/// Samples in temporal order, handed out frame by frame.
 #[derive(Clone, Debug)]
 pub struct SampleTrack<T> {
     samples: Arc<[T]>,
@@ -25,19 +25,19 @@ impl<T> Default for SampleTrack<T> {
 }
 
 impl<T: Stamped + Clone> SampleTrack<T> {
-    /// Samples in order of time.
+    /// Samples must be in temporal order.
     #[must_use]
     pub fn new(samples: Arc<[T]>) -> Self {
         Self { samples, next: 0 }
     }
 
-    /// Leaves out what is older than `stamp`, s.
+    /// Drops samples older than `stamp`, s.
     pub fn skip_before(&mut self, stamp: f64) {
         let first = self.samples.partition_point(|s| s.stamp() < stamp);
         self.next = self.next.max(first);
     }
 
-    /// What was not taken yet up to `stamp`, s, and one sample after it: between both lies what was measured at the frame.
+    /// The remaining samples up to `stamp`, s, and one after it, to interpolate at `stamp`.
     pub fn take_until(&mut self, stamp: f64) -> Vec<T> {
         let after = self.samples.partition_point(|s| s.stamp() < stamp);
         let end = (after + 1).min(self.samples.len());

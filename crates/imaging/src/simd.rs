@@ -1,11 +1,8 @@
-//! Which instruction set the kernels run on.
-//!
-//! Answers: what this machine can do, detected at run time. Kernels live beside their users; each has a scalar twin that gives the same bits,
-//! so the choice changes the speed and nothing else.
+//! Instruction set of the kernels, detected at run time. Kernels are in the modules that use them; each is
+//! bit-identical to a scalar twin, so the choice affects only speed.
 
-/// Instruction set that kernels are dispatched to. Chosen once, at start, and passed to constructors.
-///
-/// Asking for an instruction set that the machine does not have is safe: the kernels then run their scalar twins.
+/// Instruction set for kernels. Chosen once at start and passed to constructors. Unavailable instruction sets are safe:
+/// the scalar twins run instead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Simd {
     /// Portable code.
@@ -30,7 +27,7 @@ impl Simd {
         }
     }
 
-    /// Whether AVX2 kernels were asked for *and* can run here. Kernels ask this before every call into AVX2 code, which keeps them sound.
+    /// Whether AVX2 kernels are selected *and* available. Checked before every call into AVX2 code, for soundness.
     #[must_use]
     #[inline]
     pub fn has_avx2(self) -> bool {
@@ -46,7 +43,8 @@ impl Simd {
         }
     }
 
-    /// Whether NEON kernels were asked for *and* can run here: all 64-bit Arm processors that run an operating system have them.
+    /// Whether NEON kernels are selected *and* available; all 64-bit Arm processors that run an operating system have
+    /// NEON.
     #[must_use]
     #[inline]
     pub fn has_neon(self) -> bool {
@@ -65,7 +63,7 @@ impl Simd {
 mod tests {
     use super::*;
 
-    /// Tests compare scalar code with what is detected: where nothing were, they would compare it with itself.
+    /// Tests compare scalar code with the detected kernels: failing detection would make them trivial.
     #[test]
     fn only_what_the_machine_has_is_found() {
         let arm = cfg!(target_arch = "aarch64");

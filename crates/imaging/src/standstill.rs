@@ -1,9 +1,9 @@
-//! Images that stand still: a stream that hands out one image again and again with new stamps.
+//! Detects frozen images: a stream that repeats an image with new stamps.
 //!
-//! Answers: whether the depth image or the colour image of a frame is no measurement, since it is that of the frame before to the last pixel while the other one shows that
-//! time went on. Sensors are noisy, so a repeated image alone tells of a driver that hangs. Simulators may be without noise in one or both of their images, so it also takes
-//! a change of what the other image shows. Where both images repeat, noise decides: a sensor with noise never says the same twice, so its stream hangs; without noise the camera
-//! is at rest, or the stream was paused.
+//! A repeated depth or colour image is detected when it is identical to the previous one in every pixel while the other
+//! image has changed. Sensors are noisy, so a repeated image indicates a frozen driver. Simulators may have no noise in
+//! one or both images, so the other image must show real change. When both repeat, noise decides: with noise the stream
+//! is frozen; without noise the camera is at rest or the stream was paused.
 
 mod evidence;
 
@@ -13,43 +13,44 @@ use evidence::{
 };
 use std::sync::Arc;
 
-/// Depth that goes on from an image by so much more than from frame to frame is that of a camera that moves: noise alone gives 1.
+/// Depth has moved when its change since an image exceeds its change since the previous frame by this factor: noise
+/// alone gives 1.
 const GOES_ON: f32 = 1.3;
 
-/// What stands still.
+/// The repeated part of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Still {
-    /// The depth image: it is no measurement of this frame.
+    /// The depth image: not a measurement of this frame.
     Depth,
-    /// The colour image: it is no new view.
+    /// The colour image: not a new view.
     Colour,
-    /// Both, of a sensor with noise: its stream hangs, and the frame is no new view.
+    /// Both, with noise: the stream is frozen, and the frame is not a new view.
     Frame,
-    /// Both, of a source without noise: the camera is at rest, or the stream was paused.
+    /// Both, without noise: the camera is at rest, or the stream was paused.
     Rest,
 }
 
-/// An image that stands still.
+/// A repeated image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Standstill {
-    /// Which one.
+    /// The repeated part.
     pub what: Still,
     /// The frame whose image is repeated.
     pub since: FrameId,
-    /// How often, this frame included.
+    /// Number of repetitions, including this frame.
     pub frames: u32,
-    /// For how long, s.
+    /// Duration, s.
     pub seconds: f64,
 }
 
 impl Still {
-    /// Whether nothing tells where the frame was taken.
+    /// True when the frame contains no information on the camera's pose.
     #[must_use]
     pub fn is_no_view(self) -> bool {
         matches!(self, Self::Colour | Self::Frame)
     }
 
-    /// What it is, in words.
+    /// Name for messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -74,25 +75,25 @@ impl std::fmt::Display for Standstill {
     }
 }
 
-/// Watches the images of a stream. Costs a comparison that ends at the first pixel that differs; keeps two to four frames.
+/// Watches a stream for repeated images. Costs a comparison that ends at the first different pixel; keeps two to four
+/// frames.
 #[derive(Clone, Debug, Default)]
 pub struct StillWatch {
     before: Option<Arc<RgbdFrame>>,
-    /// The one before that.
+    /// The frame before `before`.
     earlier: Option<Arc<RgbdFrame>>,
     depth: Repeats,
     colour: Repeats,
-    /// Whether depth that is repeated with its colour image has noise.
+    /// Whether repeated depth, together with its colour image, has noise.
     noisy: Option<bool>,
 }
 
-/// How often an image was repeated.
 #[derive(Clone, Debug, Default)]
 struct Repeats {
-    /// The frame that had it first; none where it is not repeated.
+    /// The first frame with this image; `None` if not repeated.
     first: Option<Arc<RgbdFrame>>,
     frames: u32,
-    /// Whether the other image has shown that time went on.
+    /// Whether the other image has shown that time passed.
     stale: bool,
 }
 
@@ -118,7 +119,7 @@ impl Repeats {
 }
 
 impl StillWatch {
-    /// Looks at the next frame: what of it stands still.
+    /// Processes the next frame; returns its repeated part.
     pub fn look(&mut self, frame: &Arc<RgbdFrame>) -> Option<Standstill> {
         let before = self.before.replace(Arc::clone(frame))?;
         let earlier = self.earlier.replace(Arc::clone(&before));
@@ -165,13 +166,14 @@ mod tests {
 
     const SIZE: (usize, usize) = (64, 48);
 
-    /// What pixels of a noisy image are off by, from -1 to 1.
+    /// Pseudo-random noise from -1 to 1.
     fn noise(seed: usize) -> f32 {
         let mixed = (seed as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         ((mixed >> 40) % 2001) as f32 / 1000.0 - 1.0
     }
 
-    /// A wall with a pattern, seen from `colour_at` and `depth_at` (steps of 1 px and of 1 %), with noise of `levels` and `share`.
+    /// A patterned wall, seen from `colour_at` and `depth_at` (steps of 1 px and of 1 %), with noise of `levels` and
+    /// `share`.
     fn frame(
         id: u32,
         (colour_at, depth_at): (u32, u32),
@@ -201,7 +203,7 @@ mod tests {
         })
     }
 
-    /// With the depth of one frame or the grey image of one.
+    /// Replaces the depth or grey image by that of another frame.
     fn with(
         frame: &RgbdFrame,
         depth: Option<&RgbdFrame>,
@@ -222,7 +224,6 @@ mod tests {
             .collect()
     }
 
-    /// Frames of a sensor with noise.
     fn moving() -> Vec<Arc<RgbdFrame>> {
         (0..12).map(|i| frame(i, (i, i), (3.0, 0.01))).collect()
     }
@@ -246,7 +247,7 @@ mod tests {
             last.to_string(),
             "the depth image has stood still for 0.50 s (5 frames)"
         );
-        // A colour image that is repeated meanwhile does not make the depth one of its frame.
+        // A repeated colour image in between does not validate the depth.
         frames[7] = with(&frames[7], None, Some(&frames[6].clone()));
         assert_eq!(watched(&frames)[7], Some(Still::Depth));
     }

@@ -1,21 +1,21 @@
-//! Threads that share the work on one image.
+//! Thread pool shared by the stages of one image.
 //!
-//! Answers: which threads help with the work. Work is divided by place, never by time: the first free thread does each part, exactly once,
-//! and results are combined in the order of the parts. So the number of threads changes the time and nothing
-//! else. Work outside [`Workers::run`] uses a single thread.
+//! Work is divided by position into fixed parts, each executed exactly once, and results are combined in the order of
+//! the parts. So the number of threads affects only the time. Work outside [`Workers::run`] uses a single thread.
 
 use rayon_core::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Arc;
 
-/// Threads that wait for work; none by default. Copies share them.
+/// A thread pool, empty by default. Clones share it.
 #[derive(Clone, Debug, Default)]
 pub struct Workers(Option<Arc<ThreadPool>>);
 
 impl Workers {
-    /// Starts this many threads, named `worker`, with the priority of the calling thread. With fewer than two, the thread that has work does it alone.
+    /// Starts this many threads, named `worker`, with the priority of the calling thread. With fewer than two, work
+    /// runs on the calling thread.
     ///
     /// # Errors
-    /// What the operating system says when it has no more threads.
+    /// The operating system's error if threads cannot be started.
     pub fn new(threads: usize) -> std::io::Result<Self> {
         if threads < 2 {
             return Ok(Self::default());
@@ -28,7 +28,7 @@ impl Workers {
         Ok(Self(Some(Arc::new(pool))))
     }
 
-    /// Does a piece of work on these threads, so that [`both`], [`fill`] and [`in_rows`] within it are shared among them; waits for it.
+    /// Runs work on the pool and waits for it; [`both`], [`fill`] and [`in_rows`] inside are shared among its threads.
     pub fn run<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match &self.0 {
             Some(pool) => pool.install(work),
@@ -37,13 +37,13 @@ impl Workers {
     }
 }
 
-/// Whether this thread is one of [`Workers`], and so works for a thread that waits in [`Workers::run`].
+/// Whether the current thread belongs to [`Workers`], i.e. works for a thread that waits in [`Workers::run`].
 #[must_use]
 pub fn is_one() -> bool {
     rayon_core::current_thread_index().is_some()
 }
 
-/// Does two pieces of work, one beside the other where there are [`Workers`].
+/// Runs two pieces of work, in parallel inside [`Workers`].
 pub fn both<A: Send, B: Send>(
     a: impl FnOnce() -> A + Send,
     b: impl FnOnce() -> B + Send,
@@ -55,7 +55,7 @@ pub fn both<A: Send, B: Send>(
     }
 }
 
-/// Works out each of some values, of which at least `least` (at least 1) are one piece of work; `work` is given their numbers.
+/// Computes values by calling `work` with each index, in parts of at least `least` (at least 1) values.
 pub fn fill<T: Send>(values: &mut [T], least: usize, work: impl Fn(usize) -> T + Sync) {
     in_rows(values, 1, least, |first, values| {
         for (i, value) in values.iter_mut().enumerate() {
@@ -64,8 +64,8 @@ pub fn fill<T: Send>(values: &mut [T], least: usize, work: impl Fn(usize) -> T +
     });
 }
 
-/// Does a piece of work for parts of the rows of `width` values each, of at least `least` (at least 1) rows; `work` is given the number of the
-/// first row with them. Where nobody lends a hand all rows are one part: `work` must do the same for a whole as for its parts.
+/// Calls `work` on parts of rows of `width` values, each of at least `least` (at least 1) rows, with the index of the
+/// first row. Outside [`Workers`] all rows are one part: results must not depend on the division.
 pub fn in_rows<T: Send>(
     values: &mut [T],
     width: usize,
@@ -97,7 +97,7 @@ pub fn in_rows<T: Send>(
     divide((0, parts), (values, width), &work);
 }
 
-/// Parts of a piece of work, at most: more than there are threads, since some take longer, and some threads are late.
+/// Maximum parts per piece of work: more than threads, since durations and start times vary.
 const PARTS: usize = 4;
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
-//! Pyramids and smoothing as their users see them.
+//! Pyramids and smoothing through the public interface.
 
 use proptest::prelude::*;
 use stillpoint_imaging::{Blur, GrayImage, Pyramid, Simd};
 
-/// Any image of odd and even, tiny and ordinary sizes.
+/// Random images of odd and even, tiny and ordinary sizes.
 fn images() -> impl Strategy<Value = GrayImage> {
     (0_usize..200, 0_usize..60).prop_flat_map(|(width, height)| {
         prop::collection::vec(any::<u8>(), width * height).prop_map(move |data| {
@@ -12,7 +12,6 @@ fn images() -> impl Strategy<Value = GrayImage> {
     })
 }
 
-/// An image of a function of the position.
 fn drawn(width: usize, height: usize, value: impl Fn(f64, f64) -> f64) -> GrayImage {
     let data = (0..width * height)
         .map(|i| value((i % width) as f64, (i / width) as f64).round() as u8)
@@ -42,7 +41,7 @@ proptest! {
         level in 0_usize..8, x in -50.0_f32..700.0, y in -50.0_f32..500.0,
     ) {
         let pyramid = Pyramid::new(8, 1.2, Simd::Scalar);
-        // Edges of pixels scale, so the centre of the first one lies half a pixel from where they begin.
+        // Pixel edges scale, so the centre of the first pixel is half a pixel from the corner.
         let down = |c: f32| (c + 0.5) / pyramid.scale(level) - 0.5;
         let (u, v) = (down(x), down(y));
         let (back_x, back_y) = pyramid.to_base(level, u, v);
@@ -84,7 +83,8 @@ fn levels_have_the_rounded_sizes() {
     assert_eq!(sizes, expected);
 }
 
-/// A grey ramp shows where each pixel was sampled: its value is its position in the base image. A ramp that falls cancels the bias of rounding greys.
+/// On a grey ramp, a pixel's value is its sampling position in the base image. A falling ramp cancels the rounding bias
+/// of greys.
 #[test]
 fn every_level_samples_the_base_where_its_mapping_says() {
     for along_x in [true, false] {
@@ -119,7 +119,7 @@ fn every_level_samples_the_base_where_its_mapping_says() {
 
 #[test]
 fn smoothing_is_the_gaussian_of_sigma_two() {
-    // A point of 255 is too faint at the rim for 8 bits, so the response to a bright column is compared: the sum over rows is 1.
+    // The response to a point of 255 is too faint at the rim for 8 bits; to a bright column the sum over rows is 1.
     let column = drawn(21, 21, |x, _| if x == 10.0 { 255.0 } else { 0.0 });
     let mut smooth = GrayImage::default();
     Blur::new(Simd::Scalar).run(&column, &mut smooth);

@@ -1,11 +1,11 @@
-//! Depth images that another implementation compressed.
+//! Depth images compressed by another implementation.
 
-// Finds a file that the user names.
+// The file is given by the user.
 #![allow(clippy::disallowed_methods)]
 
 use stillpoint_imaging::rvl;
 
-/// Those of `tools/recordings/rvl_frames.py`, and of the file that `STILLPOINT_RVL` names.
+/// Images made by `tools/recordings/rvl_frames.py`, and those of the file in `STILLPOINT_RVL`.
 #[test]
 fn images_of_another_implementation_are_read() {
     let mut files = vec![include_bytes!("golden/rvl.bin").to_vec()];

@@ -1,6 +1,6 @@
-//! Times and sizes of map files: `cargo bench -p stillpoint-map`. 1000 keyframes of 1000 features, 300 of which make a landmark
-//! that the next keyframes see too. Values have the noise of real ones: raw keypoints on the pixels of their level, depths
-//! with all bits.
+//! Times and sizes of map files: `cargo bench -p stillpoint-map`. 1000 keyframes of 1000 features, 300 of which make a
+//! landmark that the following keyframes also observe. Values are as noisy as real ones: raw keypoints on the pixels of
+//! their level, depths with all bits.
 #![allow(clippy::print_stdout)] // The sizes are results.
 
 use divan::counter::BytesCount;
@@ -10,7 +10,6 @@ use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
 use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec3, Vec6};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, Map, NewLandmark};
 
-/// Counts allocations and their bytes: what a map takes while it is read.
 #[global_allocator]
 static ALLOCATIONS: AllocProfiler = AllocProfiler::system();
 
@@ -26,7 +25,6 @@ fn main() {
     divan::main();
 }
 
-/// SplitMix64.
 struct Random(u64);
 
 impl Random {
@@ -124,7 +122,7 @@ fn map() -> Map {
             parent,
         );
         let first = map.view().landmark_bound() as u32;
-        // What the keyframes before made is seen again with the next features.
+        // Landmarks of earlier keyframes are observed again by the next features.
         for (feature, back) in (300..800).enumerate() {
             let landmark = first.checked_sub(3 * feature as u32 + 1);
             if let Some(landmark) = landmark {
@@ -151,7 +149,7 @@ fn save(bencher: Bencher) {
     bencher.bench(|| black_box(&map).to_bytes(&[]));
 }
 
-/// From the file's bytes to a map that was checked.
+/// From the file's bytes to a checked map.
 #[divan::bench(sample_count = 10)]
 fn load(bencher: Bencher) {
     let bytes = map().to_bytes(&[]).expect("the map is sound");
@@ -160,7 +158,6 @@ fn load(bencher: Bencher) {
         .bench(|| Map::from_bytes(black_box(&bytes)));
 }
 
-/// The checks alone, which are part of both.
 #[divan::bench(sample_count = 10)]
 fn check(bencher: Bencher) {
     let map = map();

@@ -1,20 +1,20 @@
-//! Another map as further submaps.
+//! Appends another map as further submaps.
 
 use crate::{KeyframeId, KeyframeSlot, Landmark, LandmarkId, LoopEdge, Map, SubmapId};
 use std::sync::Arc;
 
-/// Why a map cannot be taken into another.
+/// Reason why a map cannot be appended to another.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum AppendError {
-    /// Their features come from different pyramids, so that no distance between them means anything.
+    /// The maps use different pyramids, so their descriptors are not comparable.
     Levels {
-        /// Scales of the levels of the map that was to grow.
+        /// Level scales of the map to be extended.
         expected: Vec<f32>,
-        /// Those of the other.
+        /// Level scales of the other map.
         found: Vec<f32>,
     },
-    /// Together they have more ids than there are numbers.
+    /// There are not enough ids for both maps.
     Full,
 }
 
@@ -36,11 +36,11 @@ impl std::fmt::Display for AppendError {
 impl std::error::Error for AppendError {}
 
 impl Map {
-    /// Takes in another map: its submaps become further submaps of this one, under new ids. Returns what was added to its keyframe
-    /// ids. How the submaps lie to each other stays unknown.
+    /// Appends another map: its submaps become further submaps of this one, under new ids. Returns the offset of its
+    /// keyframe ids. The relative poses of the submaps stay unknown.
     ///
     /// # Errors
-    /// [`AppendError`]; nothing is changed then.
+    /// [`AppendError`]; the map is unchanged then.
     pub fn append(&mut self, other: &Self) -> Result<u32, AppendError> {
         if self.level_scales != other.level_scales {
             return Err(AppendError::Levels {
@@ -112,7 +112,7 @@ impl Map {
     }
 }
 
-/// The first id behind `own`, when `more` fit behind it; the two largest numbers stand for other things in map files.
+/// The first id after `own`, if `more` ids fit after it. Map files reserve the two largest numbers.
 fn first_free(own: usize, more: usize) -> Result<u32, AppendError> {
     let fits = own.checked_add(more).filter(|n| *n < u32::MAX as usize - 1);
     fits.map(|_| own as u32).ok_or(AppendError::Full)

@@ -1,10 +1,10 @@
-//! The map's invariants, in code.
+//! Checks the map's invariants.
 
 use crate::landmark::LandmarkSlot;
 use crate::{KeyframeId, KeyframeSlot, LandmarkId, Map};
 use std::cmp::Reverse;
 
-/// An invariant that does not hold.
+/// A violated invariant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation(pub String);
 
@@ -17,7 +17,7 @@ impl std::fmt::Display for Violation {
 impl std::error::Error for Violation {}
 
 impl Map {
-    /// Checks every invariant; meant for tests and debug builds, linear in the size of the map.
+    /// Checks all invariants, in linear time; meant for tests and debug builds.
     ///
     /// # Errors
     /// The first [`Violation`] found.
@@ -27,7 +27,7 @@ impl Map {
         self.check_loops()
     }
 
-    /// What each landmark id stands for, once the tables by id fit each other and merges come to an end.
+    /// The slot of each landmark id, after checking that the tables are consistent and chains of merges end.
     fn checked_slots(&self) -> Result<Vec<LandmarkSlot<'_>>, Violation> {
         let bound = self.view.landmark_bound();
         let lengths = [self.observations.len(), self.view.merged.len()];
@@ -105,7 +105,7 @@ impl Map {
         })
     }
 
-    /// The live keyframe that each id resolves to; [`NOWHERE`] where there is none.
+    /// The live keyframe that each id resolves to, or [`NOWHERE`].
     fn resolved(&self) -> Vec<u32> {
         ends_well(self.view.keyframes.len(), |i| {
             match self.view.keyframe_slot(KeyframeId(i as u32)) {
@@ -195,7 +195,7 @@ impl Map {
         if self.view.loops.is_empty() {
             return Ok(());
         }
-        // All at once: one after the other would follow the same chains of tombstones again and again.
+        // All at once: resolving each edge separately would follow the same chains of tombstones repeatedly.
         let resolves = self.resolved();
         let submap = |id: KeyframeId| {
             let live = KeyframeId(*resolves.get(id.index())?);
@@ -222,18 +222,15 @@ fn ensure(holds: bool, invariant: impl FnOnce() -> String) -> Result<(), Violati
     }
 }
 
-/// Where a chain of tombstones or merges goes on.
+/// One step along a chain of tombstones or merges.
 enum Step {
-    /// To a slot where it may end.
     End,
-    /// To nothing.
     Fall,
-    /// To another slot.
     Next(usize),
 }
 
-/// Where the chain from each of `len` slots ends; [`NOWHERE`] where it has a cycle or something is missing. Linear, as chains of a
-/// file may be as long as it, and four bytes per slot, as a file may have many.
+/// The end of the chain from each of `len` slots; [`NOWHERE`] for a cycle or a missing slot. Takes linear time and four
+/// bytes per slot, since a malformed file may have long chains and many slots.
 fn ends_well(len: usize, step: impl Fn(usize) -> Step) -> Vec<u32> {
     let (mut ends, mut seen) = (vec![NOWHERE; len], vec![false; len]);
     let mut path = Vec::new();
@@ -243,7 +240,7 @@ fn ends_well(len: usize, step: impl Fn(usize) -> Step) -> Vec<u32> {
             if at >= len {
                 break NOWHERE;
             }
-            // What was seen on this path and has no answer yet is a cycle.
+            // A slot seen on this path that has no result yet is part of a cycle.
             if seen[at] {
                 break ends[at];
             }
@@ -262,5 +259,4 @@ fn ends_well(len: usize, step: impl Fn(usize) -> Step) -> Vec<u32> {
     ends
 }
 
-/// No slot.
 const NOWHERE: u32 = u32::MAX;

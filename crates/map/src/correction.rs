@@ -1,28 +1,29 @@
-//! What is changed in a map all at once, by one who worked on an older version of it.
+//! Atomic corrections of a map, computed on an older version of it.
 
 use crate::{KeyframeId, LandmarkId, LoopEdge, Map, MapView, SubmapId};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A keyframe that a correction moves.
+/// A corrected keyframe pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseCorrection {
     /// The keyframe.
     pub keyframe: KeyframeId,
-    /// Its pose `world_from_camera` in the version that was corrected.
+    /// Its pose `world_from_camera` in the base version.
     pub before: Se3,
     /// Its corrected pose.
     pub after: Se3,
 }
 
 impl PoseCorrection {
-    /// Where this keyframe's part of the world went: maps what it was to what it is.
+    /// Maps positions near the keyframe from before the correction to after it.
     fn shift(&self) -> Se3 {
         self.after * self.before.inverse()
     }
 
-    /// The corrected pose of this keyframe, given its present pose `now`. If it moved since `before`, the shift is applied on top of that move.
+    /// The corrected pose, given the present pose `now`. If the keyframe has moved since `before`, the shift is applied
+    /// on top.
     fn corrected(&self, now: &Se3) -> Se3 {
         if self.before == self.after {
             *now
@@ -34,83 +35,83 @@ impl PoseCorrection {
     }
 }
 
-/// A landmark that a correction moves relative to its anchor. Those that it does not name move with their anchors.
+/// A landmark moved relative to its anchor. Landmarks not listed move with their anchors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LandmarkCorrection {
     /// The landmark.
     pub landmark: LandmarkId,
-    /// Its anchor in the version that was corrected.
+    /// Its anchor in the base version.
     pub anchor: KeyframeId,
-    /// Its position (m) in the anchor's camera coordinates in that version.
+    /// Its position (m) in the anchor's camera coordinates in the base version.
     pub before: Vec3,
     /// Its corrected position in the anchor's camera coordinates, m.
     pub after: Vec3,
 }
 
-/// Two submaps that turned out to be parts of one.
+/// Joins one submap to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Join {
-    /// The submap that is no more: its keyframes go to the other.
+    /// The submap that disappears: its keyframes go to the other.
     pub submap: SubmapId,
-    /// The submap that stays, with its frame of reference.
+    /// The submap that remains, with its frame of reference.
     pub into: SubmapId,
-    /// The keyframe of the first submap by which both were recognised as one. It becomes the root of its submap's tree.
+    /// The keyframe of the first submap that was recognised in the second. Becomes the root of its submap's tree.
     pub child: KeyframeId,
     /// The keyframe of the second submap that becomes the parent of `child`.
     pub parent: KeyframeId,
-    /// Maps the first submap's frame of reference to the second's, for keyframes that the correction does not reach otherwise.
+    /// Maps the first submap's frame of reference to the second's, for keyframes not corrected otherwise.
     pub shift: Se3,
 }
 
-/// What is to be changed in a map, found on its version `base_version`. [`Map::apply`] brings it into the present one.
+/// Changes computed on version `base_version` of a map; [`Map::apply`] applies them to the present version.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Correction {
-    /// The version that was corrected.
+    /// The version on which the correction was computed.
     pub base_version: u64,
-    /// Keyframes that are seen in another place.
+    /// Corrected keyframes.
     pub poses: Vec<PoseCorrection>,
-    /// Landmarks that are seen in another place relative to their anchors.
+    /// Landmarks corrected relative to their anchors.
     pub landmarks: Vec<LandmarkCorrection>,
-    /// What was measured, and made the correction necessary. The map keeps it.
+    /// The loop measurement behind the correction. The map stores it.
     pub measured: Option<Box<LoopEdge>>,
-    /// Submaps that become one; the poses of the one that is no more are named as `poses`.
+    /// Submaps to join; `poses` contains the poses of the one that disappears.
     pub join: Option<Join>,
-    /// Landmarks that are the same as another: (which, as which). In this order.
+    /// Landmarks to merge, as (from, into), in this order.
     pub merges: Vec<(LandmarkId, LandmarkId)>,
 }
 
-/// What a correction did.
+/// Statistics of an applied correction.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Applied {
-    /// Keyframes that it named and that were still there.
+    /// Corrected keyframes that were still live.
     pub poses: u32,
-    /// Of these, the ones that had been moved since; the correction came on top.
+    /// Of these, keyframes moved since the base version, where the correction was applied on top.
     pub composed: u32,
-    /// Keyframes made since (or left out by the correction) that moved along with the one they hang on.
+    /// Keyframes not in the correction (such as newer ones) that moved with an ancestor or their submap.
     pub propagated: u32,
-    /// Landmarks that were moved relative to their anchors.
+    /// Landmarks moved relative to their anchors.
     pub landmarks: u32,
-    /// Landmarks that became others.
+    /// Merged landmarks.
     pub merged: u32,
-    /// Keyframes whose landmarks are others now, by id: what they share has to be counted again.
+    /// Keyframes whose landmarks have changed, by id: their covisibility must be refreshed.
     pub touched: Vec<KeyframeId>,
 }
 
 impl Map {
-    /// Applies a correction by one rule: what it saw is replaced, what it did not see moves along.
+    /// Applies a correction to the present version of the map.
     ///
     /// - A keyframe that has moved since `base_version` gets the correction on top of that.
-    /// - A keyframe that the correction does not name keeps its pose relative to the first of its ancestors that it names; without
-    ///   one it stays. Culled keyframes move with the one that their tombstone hangs on.
-    /// - Landmarks move with their anchors, and what the correction says of one relative to its anchor comes on top, unless it
-    ///   has another anchor by now.
-    /// - All keyframes of a submap that is joined to another are that one's, the ones made since too.
-    /// - Merges follow what the landmarks have become since; those of culled ones lapse, and those across submaps.
+    /// - A keyframe not in the correction keeps its pose relative to its nearest ancestor that is; without one it
+    ///   stays. Culled keyframes move with the keyframe of their tombstone.
+    /// - Landmarks move with their anchors; corrections relative to the anchor are added, unless the landmark has
+    ///   another anchor in the meantime.
+    /// - All keyframes of a joined submap change to the other one, including newer ones.
+    /// - Merges follow earlier merges; those of culled landmarks and those across submaps are ignored.
     ///
-    /// Covisibility is left to the caller: see [`Applied::touched`].
+    /// The caller must refresh covisibility: see [`Applied::touched`].
     pub fn apply(&mut self, correction: &Correction) -> Applied {
         let mut applied = Applied::default();
-        // All poses are decided before the first one changes: what moves along refers to where its ancestor was.
+        // All moves are computed before any is applied: propagated moves depend on the old poses of ancestors.
         let named = Named::new(correction);
         let moves = self.moves(&named, correction.join, &mut applied);
         for (keyframe, pose) in moves {
@@ -145,7 +146,6 @@ impl Map {
         applied
     }
 
-    /// Where every keyframe goes that does not stay.
     fn moves(
         &self,
         named: &Named<'_>,
@@ -179,7 +179,7 @@ impl Map {
         moves
     }
 
-    /// Keeps what was measured between two keyframes, if it is sound and both have poses in one submap.
+    /// Stores a loop edge, if it is sound and both keyframes have poses in one submap.
     fn keep(&mut self, edge: LoopEdge) {
         let submap = |id| self.view.submap_of(id);
         let of_one = submap(edge.old).is_some() && submap(edge.old) == submap(edge.new);
@@ -199,8 +199,8 @@ impl Map {
         self.hang(join.child, join.parent);
     }
 
-    /// Makes a keyframe the root of its tree, and a child of a keyframe of another tree: parents between it and the old root turn
-    /// round.
+    /// Makes a keyframe the root of its tree and a child of a keyframe of another tree, reversing the parents between
+    /// it and the old root.
     fn hang(&mut self, child: KeyframeId, parent: KeyframeId) {
         let resolved = |id| self.view.resolve_keyframe(id);
         let (Some(child), Some(parent)) = (resolved(child), resolved(parent)) else {
@@ -208,7 +208,7 @@ impl Map {
         };
         let (mut at, mut new_parent) = (child, parent);
         let mut turned = BTreeSet::new();
-        // Parents can form a ring: once around is enough.
+        // Parents can form a ring: stop after one round.
         while turned.insert(at) {
             let Some(k) = self.keyframe_mut(at) else {
                 return;
@@ -238,13 +238,12 @@ impl Map {
     }
 }
 
-/// The keyframes that a correction names, by id.
 struct Named<'a>(Vec<&'a PoseCorrection>);
 
 impl<'a> Named<'a> {
     fn new(correction: &'a Correction) -> Self {
         let mut named: Vec<&PoseCorrection> = correction.poses.iter().collect();
-        // Stable: of two for one keyframe the first counts.
+        // Stable sort: of two corrections for one keyframe the first wins.
         named.sort_by_key(|c| c.keyframe);
         named.dedup_by_key(|c| c.keyframe);
         Self(named)
@@ -255,10 +254,9 @@ impl<'a> Named<'a> {
         Some(self.0[at])
     }
 
-    /// The correction of the first ancestor of a keyframe that is named.
     fn ancestor(&self, view: &MapView, id: KeyframeId) -> Option<&'a PoseCorrection> {
         let mut at = id;
-        // A keyframe's parent can come to hang on its child when keyframes between are culled: count, so that no ring holds us.
+        // Culling can make a keyframe's parent its child: the count bounds such cycles.
         for _ in 0..view.keyframe_count() {
             at = view.resolve_keyframe(view.keyframe(at)?.parent?)?;
             if let Some(c) = self.get(at) {

@@ -1,18 +1,18 @@
-//! Identifiers. They are never reused.
+//! Identifiers, never reused.
 
 use std::num::NonZeroU32;
 
-/// A keyframe: the number of the frame it was made from.
+/// A keyframe: the number of its frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct KeyframeId(pub u32);
 
-/// A landmark: counted up from 0 in the order of creation. Kept as one more than its number, so that an `Option` of one, which keyframes have for
-/// every feature, takes four bytes and not eight.
+/// A landmark, numbered from 0 in the order of creation. Stored as its number plus one, so that `Option<LandmarkId>`,
+/// needed for every feature of a keyframe, takes four bytes instead of eight.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct LandmarkId(NonZeroU32);
 
-/// A submap: the id of the keyframe that began it. Keyframes of one submap are in one frame of reference; how two submaps
-/// lie to each other is not known until a place of one is recognised in the other, and they become one.
+/// A submap: the id of its first keyframe. Keyframes of one submap share a frame of reference; the relative pose of two
+/// submaps is unknown until a place of one is recognised in the other and they are joined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SubmapId(pub u32);
 
@@ -25,10 +25,9 @@ impl KeyframeId {
 }
 
 impl LandmarkId {
-    /// The landmark of a number. Of the two greatest numbers, which no map reaches, it makes the same.
+    /// The landmark with a number. The two largest numbers, which no map reaches, give the same id.
     #[must_use]
     pub const fn new(number: u32) -> Self {
-        // Never zero.
         Self(NonZeroU32::MIN.saturating_add(number))
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use stillpoint_features::{Descriptor, FeatureGrid, Keypoint, Searched};
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
 
-/// What a frame saw. Never changes after extraction, so frames, keyframes and views share it.
+/// Features of a frame. Immutable after extraction, so frames, keyframes and views share them.
 #[derive(Clone, Debug)]
 pub struct KeyframeData {
     /// Stamp of the colour image, s.
@@ -14,25 +14,25 @@ pub struct KeyframeData {
     pub camera: Camera,
     /// Keypoints in the raw image.
     pub keypoints: Vec<Keypoint>,
-    /// Their undistorted pixels.
+    /// Undistorted positions, px.
     pub positions: Vec<[f32; 2]>,
     /// Standard deviation of each position, px.
     pub sigma_px: Vec<f32>,
-    /// Their depths, m; 0 where there is none.
+    /// Depths, m; 0 where unknown.
     pub depths: Vec<f32>,
-    /// Standard deviation of each depth, m; 0 where there is none.
+    /// Standard deviation of each depth, m; 0 where unknown.
     pub depth_sigmas: Vec<f32>,
-    /// Their descriptors. Shared with what recognises places by them.
+    /// Descriptors, shared with place recognition.
     pub descriptors: Arc<Vec<Descriptor>>,
-    /// Whether each feature may observe or become a landmark: not on objects that stand still only for now, nor where it was
-    /// found later that it moves ([`crate::Map::disown`]).
+    /// Whether each feature may observe or become a landmark: false on movable objects and where motion was detected
+    /// later ([`crate::Map::disown`]).
     pub mappable: Vec<bool>,
     /// Buckets over `positions`, within [`KeyframeData::grid_bounds`] of the camera.
     pub grid: FeatureGrid,
 }
 
 impl KeyframeData {
-    /// Where the buckets of `grid` are, px: min x, min y, max x, max y. Map files do not store buckets and rely on this.
+    /// Bounds of `grid`, px: min x, min y, max x, max y. Map files do not store the grid and rely on these bounds.
     #[must_use]
     pub fn grid_bounds(camera: &Camera) -> [f32; 4] {
         camera.undistorted_bounds().map(|b| b as f32)
@@ -50,7 +50,7 @@ impl KeyframeData {
         self.keypoints.is_empty()
     }
 
-    /// A copy that shares nothing, in no more memory than it needs.
+    /// A deep copy with minimal allocations.
     #[must_use]
     pub fn copied(&self) -> Self {
         Self {
@@ -59,7 +59,7 @@ impl KeyframeData {
         }
     }
 
-    /// The median of the depths that are known, m; none where none is. They are sorted in `memory`, which is used again.
+    /// Median of the known depths, m; `None` if there are none. `memory` is a reusable sort buffer.
     #[must_use]
     pub fn median_depth(&self, memory: &mut Vec<f32>) -> Option<f64> {
         memory.clear();
@@ -72,7 +72,7 @@ impl KeyframeData {
         })
     }
 
-    /// Its features, to be searched.
+    /// The features, for searches.
     #[must_use]
     pub fn searched(&self) -> Searched<'_> {
         Searched {
@@ -104,22 +104,22 @@ impl KeyframeData {
     }
 }
 
-/// A frame that the map keeps.
+/// A frame kept in the map.
 #[derive(Clone, Debug)]
 pub struct Keyframe {
-    /// Its id: the number of its frame.
+    /// Number of its frame.
     pub id: KeyframeId,
-    /// What it saw.
+    /// Its features.
     pub data: Arc<KeyframeData>,
     /// Its pose.
     pub world_from_camera: Se3,
     /// The landmark that each feature observes.
     pub matches: Vec<Option<LandmarkId>>,
-    /// Keyframes that share landmarks with it and how many, most first; ties by id.
+    /// Covisible keyframes with the number of shared landmarks, in descending order; ties by id.
     pub covisible: Vec<(KeyframeId, u32)>,
-    /// The keyframe it was tracked from; none for the first of a submap.
+    /// The keyframe it was tracked from; `None` for the first of a submap.
     pub parent: Option<KeyframeId>,
-    /// The submap that it belongs to: its pose is in that one's frame of reference.
+    /// Its submap, whose frame of reference its pose is in.
     pub submap: SubmapId,
 }
 
@@ -131,19 +131,19 @@ impl Keyframe {
     }
 }
 
-/// What a keyframe id stands for.
+/// State of a keyframe id.
 #[derive(Clone, Debug, Default)]
 pub enum KeyframeSlot {
-    /// No keyframe was made from this frame.
+    /// The frame did not become a keyframe.
     #[default]
     Empty,
     /// A keyframe of the map.
     Live(Arc<Keyframe>),
-    /// Removed as redundant: its pose lives on relative to another keyframe.
+    /// Removed as redundant: its pose is stored relative to another keyframe.
     Culled {
-        /// The keyframe that its pose hangs on.
+        /// The reference keyframe.
         parent: KeyframeId,
-        /// Its pose relative to that.
+        /// Its pose relative to that keyframe.
         parent_from_this: Se3,
     },
 }

@@ -4,23 +4,23 @@ use crate::{KeyframeId, LandmarkId};
 use stillpoint_features::Descriptor;
 use stillpoint_geometry::Vec3;
 
-/// Distances (m) from which a landmark can be recognised: outside, its image is too large or small for the pyramid.
+/// Distances (m) from which a landmark can be recognised; outside, its image is too large or small for the pyramid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScaleRange {
-    /// Distance at which it would appear on the coarsest level.
+    /// Distance at which it appears on the coarsest level.
     pub min_distance: f32,
-    /// Distance at which it would appear on the finest level.
+    /// Distance at which it appears on the finest level.
     pub max_distance: f32,
 }
 
-/// A point that stands still.
+/// A static point.
 #[derive(Clone, Debug)]
 pub struct Landmark {
-    /// The keyframe that carries it: the landmark moves when its pose is corrected. Always one that observes it.
+    /// The keyframe that carries it: pose corrections of this keyframe move the landmark. Always an observer.
     pub anchor: KeyframeId,
     /// Position in the anchor's camera coordinates, m.
     pub position_in_anchor: Vec3,
-    /// Mean direction from which it was seen (from camera to landmark, unit length), in the anchor's axes.
+    /// Mean viewing direction (from camera to landmark, unit length), in the anchor's axes.
     pub direction_in_anchor: Vec3,
     /// Distances from which it can be recognised.
     pub scale_range: ScaleRange,
@@ -28,26 +28,22 @@ pub struct Landmark {
     pub descriptor: Descriptor,
     /// Number of keyframes that observe it.
     pub observers: u32,
-    /// Of these, the ones that measured its depth.
+    /// Of these, the ones with a measured depth.
     pub depth_observers: u32,
-    /// The keyframe at which it was made.
+    /// The keyframe that created it.
     pub created_at: KeyframeId,
-    /// Frames in which it was expected to be seen.
+    /// Frames in which it was expected to be visible.
     pub visible: u32,
     /// Frames in which it was found.
     pub found: u32,
-    /// How likely it is to stand still, in log odds: grows with every frame in which it was found, falls with every one in
-    /// which the camera saw through its place.
+    /// Log odds of being static: raised by every frame in which it was found, lowered by every frame in which the
+    /// camera saw through its position.
     pub static_odds: f32,
 }
 
-/// What a landmark id stands for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum LandmarkSlot<'a> {
-    /// A landmark of the map.
     Live(&'a Landmark),
-    /// The same as another: follow that one.
     Merged(LandmarkId),
-    /// Removed.
     Culled,
 }

@@ -1,8 +1,8 @@
 //! Keyframes, landmarks, covisibility, and immutable views of them.
 //!
-//! Answers: what stands still, where it is, who saw it. [`Map`] is owned by the mapper alone and is the only thing that
-//! changes; everybody else holds an [`MapView`], a version that never changes and costs microseconds to publish. A map becomes
-//! the bytes of a [`MapFile`] and back. Does not know images, tracking, optimisation or disks.
+//! [`Map`] is mutable and owned by the mapper alone; other threads hold a [`MapView`], an immutable version that costs
+//! microseconds to publish. A map is converted to the bytes of a [`MapFile`] and back. Independent of images, tracking,
+//! optimisation and disks.
 
 mod append;
 mod check;

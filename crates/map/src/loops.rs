@@ -1,21 +1,21 @@
-//! Loops: places that were recognised, and how their keyframes lie to each other.
+//! Loop measurements: relative poses of keyframes from place recognition.
 
 use crate::KeyframeId;
 use stillpoint_geometry::{Mat6, Se3};
 
-/// A motion between two keyframes that was measured when a place was recognised. Poses of keyframes change after that; what was
-/// measured does not.
+/// A relative pose of two keyframes, measured when a place was recognised. It stays fixed when the poses of the
+/// keyframes change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoopEdge {
     /// The older keyframe. It may have been culled since.
     pub old: KeyframeId,
-    /// The keyframe that recognised its place. It may have been culled since.
+    /// The keyframe in which the place was recognised. It may have been culled since.
     pub new: KeyframeId,
     /// Maps camera coordinates of the new keyframe to those of the older one, m.
     pub old_from_new: Se3,
     /// The inverse of its covariance, for a perturbation `[translation; rotation]` in the new keyframe's coordinates: m, rad.
     pub information: Mat6,
-    /// Landmarks around the older keyframe that the new one sees where this motion puts them.
+    /// Landmarks around the older keyframe that support this motion in the new one.
     pub inliers: u32,
 }
 
@@ -37,7 +37,7 @@ impl LoopEdge {
         matrix
     }
 
-    /// Whether motion and information are what a measurement can be.
+    /// Whether the keyframes differ and pose and information are valid.
     pub(crate) fn is_sound(&self) -> bool {
         let information = &self.information;
         let positive = (0..6).all(|i| information[(i, i)] >= 0.0);

@@ -1,4 +1,4 @@
-//! The map, its keyframes and which of them share landmarks. How landmarks change is in `observations.rs`.
+//! The map, its keyframes and their covisibility. Changes of landmarks are in `observations.rs`.
 
 use crate::sparse::Sparse;
 use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, MapView, SubmapId};
@@ -9,9 +9,9 @@ use stillpoint_geometry::Se3;
 #[derive(Clone, Debug)]
 pub struct Map {
     pub(crate) view: MapView,
-    /// The inverse index: who observes each landmark, with which feature; by keyframe id.
+    /// The inverse index: observers of each landmark, with feature indices; by keyframe id.
     pub(crate) observations: Sparse<Vec<(KeyframeId, u32)>>,
-    /// Scale of each pyramid level, for the distances from which a landmark can be recognised.
+    /// Scale of each pyramid level, to compute the scale ranges of landmarks.
     pub(crate) level_scales: Vec<f32>,
 }
 
@@ -28,14 +28,13 @@ impl Map {
         }
     }
 
-    /// Whether its features come from a pyramid of `levels` levels with factor `scale_factor`: descriptors of others cannot be
-    /// compared.
+    /// Whether its features come from such a pyramid; otherwise descriptors are not comparable.
     #[must_use]
     pub fn fits(&self, levels: usize, scale_factor: f32) -> bool {
         self.level_scales == Self::new(levels, scale_factor).level_scales
     }
 
-    /// How much smaller each pyramid level is than the finest, for which the map was made.
+    /// Scale of each pyramid level relative to the finest.
     #[must_use]
     pub fn level_scales(&self) -> &[f32] {
         &self.level_scales
@@ -47,7 +46,7 @@ impl Map {
         &self.view
     }
 
-    /// Publishes the present state as a new version; later changes do not touch it.
+    /// Publishes the present state as a new version, unaffected by later changes.
     pub fn publish(&mut self) -> Arc<MapView> {
         self.view.version += 1;
         Arc::new(self.view.clone())
@@ -60,8 +59,8 @@ impl Map {
         }
     }
 
-    /// Adds a keyframe without observations, to the submap of its parent; without one it begins a submap. Returns false when the
-    /// id is taken.
+    /// Adds a keyframe without observations to the submap of its parent, or to a new submap without one. Returns false
+    /// when the id is taken.
     pub fn insert_keyframe(
         &mut self,
         id: KeyframeId,
@@ -96,8 +95,8 @@ impl Map {
         }
     }
 
-    /// Counts again with which keyframes `id` shares landmarks, and updates both sides. Pairs that share fewer than
-    /// `min_shared` landmarks do not count, except the best one.
+    /// Recomputes the covisibility of `id`, on both sides. Pairs that share fewer than `min_shared` landmarks are
+    /// dropped, except the best one.
     pub fn refresh_covisibility(&mut self, id: KeyframeId, min_shared: u32) {
         let Some(k) = self.view.keyframe(id) else {
             return;
@@ -129,7 +128,7 @@ impl Map {
     }
 
     fn set_covisible(&mut self, id: KeyframeId, other: KeyframeId, shared: u32) {
-        // Most pairs do not change; looking first spares the copy of a keyframe that a view still shares.
+        // Most pairs are unchanged; checking first avoids copying a keyframe shared with a view.
         let Some(k) = self.view.keyframe(id) else {
             return;
         };
@@ -146,9 +145,9 @@ impl Map {
         }
     }
 
-    /// Removes a keyframe. Its pose lives on as a tombstone relative to its parent (or its most covisible keyframe),
-    /// landmarks anchored in it get another anchor, its children get its parent. Returns false, and changes nothing,
-    /// when it is not live or nothing is left to hang its pose on.
+    /// Removes a keyframe. Its pose remains as a tombstone relative to its parent (or its most covisible keyframe),
+    /// landmarks anchored in it get another anchor, its children get its parent. Returns false, without changes, when
+    /// it is not live or no reference keyframe remains.
     pub fn cull_keyframe(&mut self, id: KeyframeId) -> bool {
         let Some(k) = self.view.keyframe(id).cloned() else {
             return false;
@@ -190,7 +189,7 @@ impl Map {
     }
 }
 
-/// Most shared landmarks first; ties by id.
+/// Descending by shared landmarks; ties by id.
 pub(crate) fn sort_by_weight(list: &mut [(KeyframeId, u32)]) {
     list.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
 }

@@ -1,32 +1,32 @@
-//! Landmarks and who observes them: every way in which they change.
+//! Changes of landmarks and their observations.
 
 use crate::{KeyframeData, KeyframeId, Landmark, LandmarkId, Map, ScaleRange, SubmapId};
 use std::sync::Arc;
 use stillpoint_features::Descriptor;
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A landmark to be made.
+/// A landmark to be created.
 #[derive(Clone, Copy, Debug)]
 pub struct NewLandmark {
     /// World position, m.
     pub position: Vec3,
-    /// The first observation; it becomes the anchor.
+    /// The first observation (keyframe, feature), which becomes the anchor.
     pub observation: (KeyframeId, u32),
 }
 
 impl Map {
-    /// Who observes a landmark, with which feature, by keyframe id.
+    /// Observations of a landmark as (keyframe, feature), by keyframe id.
     #[must_use]
     pub fn observations(&self, id: LandmarkId) -> &[(KeyframeId, u32)] {
         self.observations.get(id.index()).map_or(&[], |v| v)
     }
 
-    /// A live landmark, to change its position or counters. Observations change only through the map's own methods.
+    /// A live landmark, to change its position or counters. Change observations only through the map's methods.
     pub fn landmark_mut(&mut self, id: LandmarkId) -> Option<&mut Landmark> {
         self.view.landmarks.get_mut(id.index()).map(Arc::make_mut)
     }
 
-    /// Sets a landmark's world position (m), relative to the present pose of its anchor.
+    /// Sets a landmark's world position (m), given the present pose of its anchor.
     pub fn set_position(&mut self, id: LandmarkId, position: Vec3) {
         let Some(anchor) = self.view.landmark(id).map(|l| l.anchor) else {
             return;
@@ -39,7 +39,7 @@ impl Map {
         }
     }
 
-    /// Makes a landmark with its first observation; none when that feature observes one already or may not.
+    /// Creates a landmark with its first observation; `None` when the feature already observes one or is not mappable.
     pub fn insert_landmark(&mut self, new: &NewLandmark) -> Option<LandmarkId> {
         let (keyframe, feature) = new.observation;
         let k = self.view.keyframe(keyframe)?;
@@ -79,8 +79,8 @@ impl Map {
         }
     }
 
-    /// Replaces what a keyframe measured: the same features at other places. Landmarks that it carries move along. Returns false, and changes nothing, when the
-    /// keyframe is not live or has another number of features.
+    /// Replaces the measurements of a keyframe's features with other positions and depths. Landmarks anchored in it move
+    /// along. Returns false, without changes, when the keyframe is not live or has another number of features.
     pub fn remeasure(&mut self, id: KeyframeId, data: KeyframeData) -> bool {
         let Some(k) = self.view.keyframe(id).cloned() else {
             return false;
@@ -106,8 +106,9 @@ impl Map {
         true
     }
 
-    /// Adds an observation. Returns false, and changes nothing, when the landmark or keyframe is not live, the feature
-    /// observes another landmark or may observe none, the keyframe observes this one already, or they are of different submaps.
+    /// Adds an observation. Returns false, without changes, when the landmark or keyframe is not live, the feature
+    /// already observes a landmark or is not mappable, the keyframe already observes the landmark, or they are in
+    /// different submaps.
     pub fn add_observation(&mut self, id: LandmarkId, keyframe: KeyframeId, feature: u32) -> bool {
         let submap = self.submap_of_landmark(id);
         if submap.is_none() || self.view.keyframe(keyframe).map(|k| k.submap) != submap {
@@ -145,13 +146,13 @@ impl Map {
         Some(self.view.keyframe(anchor)?.submap)
     }
 
-    /// Takes features out of mapping for good, as they turned out to lie on something that moves: landmarks that they made
-    /// are culled, other landmarks lose the observation. Returns how many landmarks were culled.
+    /// Permanently excludes features that turned out to move: landmarks created by them are culled, others lose the
+    /// observation. Returns the number of culled landmarks.
     pub fn disown(&mut self, keyframe: KeyframeId, features: &[u32]) -> u32 {
         let Some(k) = self.keyframe_mut(keyframe) else {
             return 0;
         };
-        // The data is shared with views that are out already: they keep theirs.
+        // Published views keep their data.
         let mut data = KeyframeData::clone(&k.data);
         let mut seen = Vec::new();
         for feature in features {
@@ -203,7 +204,7 @@ impl Map {
         }
     }
 
-    /// Moves a landmark's anchor from `old` to the first keyframe that still observes it.
+    /// Moves a landmark's anchor from `old` to the first remaining observer.
     fn reanchor(&mut self, id: LandmarkId, old: KeyframeId) {
         let Some(&(anchor, _)) = self.observations(id).first() else {
             return;
@@ -222,14 +223,14 @@ impl Map {
         }
     }
 
-    /// Removes a landmark and all its observations.
+    /// Removes a landmark with its observations.
     pub fn cull_landmark(&mut self, id: LandmarkId) {
         if self.view.landmark(id).is_some() {
             self.retire_landmark(id);
         }
     }
 
-    /// Takes a landmark and all its observations out; returns these.
+    /// Removes a landmark and its observations, which are returned.
     fn retire_landmark(&mut self, id: LandmarkId) -> Vec<(KeyframeId, u32)> {
         let observations = self.observations.take(id.index());
         for (keyframe, feature) in observations.iter().flatten().copied() {
@@ -243,8 +244,8 @@ impl Map {
         observations.unwrap_or_default()
     }
 
-    /// Declares `from` to be the same as `into`: its observations move over where they do not clash, and its id follows
-    /// `into` from now on. Returns false when either is not live, both are the same, or they are of different submaps.
+    /// Merges `from` into `into`: observations move over unless they conflict, and its id resolves to `into`. Returns
+    /// false when either is not live, both are equal, or they are in different submaps.
     pub fn merge_landmarks(&mut self, from: LandmarkId, into: LandmarkId) -> bool {
         let (Some(old), Some(_)) = (self.view.landmark(from), self.view.landmark(into)) else {
             return false;
@@ -266,7 +267,7 @@ impl Map {
         true
     }
 
-    /// Computes a landmark's descriptor, viewing direction and scale range again from its observations.
+    /// Recomputes a landmark's descriptor, viewing direction and scale range from its observations.
     pub fn refresh_landmark(&mut self, id: LandmarkId) {
         let (Some(l), Some(position)) = (self.view.landmark(id), self.view.landmark_position(id))
         else {

@@ -1,11 +1,11 @@
-//! Keyframes that are taken back, with all that only they vouch for.
+//! Revokes keyframes with wrong poses.
 
 use crate::sparse::Sparse;
 use crate::{Keyframe, KeyframeId, LandmarkId, Map, MapView};
 use std::sync::Arc;
 
 impl Map {
-    /// A map of its own, to be changed apart, that begins as a version of another.
+    /// An independent, mutable map that starts as a copy of a view.
     #[must_use]
     pub fn from_view(view: &MapView, levels: usize, scale_factor: f32) -> Self {
         let mut observations = Sparse::empty(view.landmark_bound());
@@ -26,9 +26,9 @@ impl Map {
         }
     }
 
-    /// Takes back all live keyframes that `doomed` names, as their poses are not to be believed. Their landmarks lose what they saw;
-    /// those that others see as well are put where these see them. Tombstones and children hang on the keyframe `onto` from now
-    /// on, which stays. Returns how many went.
+    /// Revokes all live keyframes selected by `doomed`, whose poses are unreliable. Their observations are removed;
+    /// landmarks also seen by others are repositioned from those. Tombstones and children are reattached to the
+    /// keyframe `onto`, which stays. Returns the number of revoked keyframes.
     pub fn revoke(&mut self, doomed: impl Fn(&Keyframe) -> bool, onto: KeyframeId) -> u32 {
         let live = self.view.keyframes().filter(|k| k.id != onto && doomed(k));
         let doomed: Vec<KeyframeId> = live.map(|k| k.id).collect();
@@ -64,7 +64,7 @@ impl Map {
         culled as u32
     }
 
-    /// Puts a landmark where its anchor sees it, as far as that has a depth.
+    /// Sets a landmark's position from its anchor's observation, if that has depth.
     fn put_where_seen(&mut self, id: LandmarkId) {
         let Some(anchor) = self.view.landmark(id).map(|l| l.anchor) else {
             return;
@@ -84,7 +84,7 @@ impl Map {
 
 #[cfg(test)]
 mod tests {
-    #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+    #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::{KeyframeData, NewLandmark};
     use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
@@ -92,8 +92,8 @@ mod tests {
 
     const FEATURES: usize = 6;
 
-    /// Keyframes in a row, a decimetre apart, each a child of the one before. All see the same points, which lie 2 m away by their
-    /// depths; each point was made by the first, at a wrong place.
+    /// Keyframes in a row, a decimetre apart, each a child of the previous one. All observe the same points at a depth
+    /// of 2 m; each point was created by the first, at a wrong position.
     fn map(keyframes: u32) -> (Map, Vec<LandmarkId>) {
         let camera = Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]);
         let positions: Vec<[f32; 2]> = (0..FEATURES).map(|i| [90.0 * i as f32, 50.0]).collect();
@@ -138,7 +138,7 @@ mod tests {
                 observation,
             };
             let landmark = map.insert_landmark(&new).unwrap();
-            // The last feature is seen by the first two keyframes only.
+            // Only the first two keyframes observe the last feature.
             let last = if i + 1 == FEATURES { 2 } else { keyframes };
             for k in 1..last {
                 map.add_observation(landmark, KeyframeId(k), i as u32);
@@ -160,7 +160,7 @@ mod tests {
         let view = map.view();
         let left: Vec<u32> = view.keyframes().map(|k| k.id.0).collect();
         assert_eq!(left, [3, 4]);
-        // Their poses hang on the one that stays.
+        // Their poses are relative to the one that stays.
         for k in 0..3 {
             assert_eq!(view.resolve_keyframe(KeyframeId(k)), Some(KeyframeId(3)));
             let pose = view.world_from_keyframe(KeyframeId(k)).unwrap();

@@ -1,14 +1,15 @@
-//! A growable array of which most places are empty, and whose copies share their unchanged parts.
-//!
-//! Answers: what an id stands for, where ids are never given twice and most of what they stood for is gone. An empty place takes an eighth of a byte.
+//! A growable sparse array with copy-on-write chunks, for ids that are never reused and mostly removed. An empty slot
+//! takes an eighth of a byte.
 
 use std::sync::Arc;
 
-/// Places per chunk: copying one when it is first written after a copy costs microseconds, and a copy of the whole array is one reference count.
+/// Slots per chunk: copying one on its first write after a clone costs microseconds; cloning the whole array costs one
+/// reference count.
 const CHUNK: usize = 64 * WORDS;
 const WORDS: usize = 4;
 
-/// A copy-on-write array in chunks, which keep what is there and which places it has. `clone` is O(1); the first write to a chunk after a clone copies that chunk.
+/// A copy-on-write array in chunks of occupied values. `clone` is O(1); the first write to a chunk after a clone copies
+/// that chunk.
 #[derive(Debug)]
 pub(crate) struct Sparse<T> {
     chunks: Arc<Vec<Arc<Chunk<T>>>>,
@@ -17,11 +18,10 @@ pub(crate) struct Sparse<T> {
 
 #[derive(Clone, Debug)]
 struct Chunk<T> {
-    /// A bit per place, set where there is something.
+    /// Bit per slot, set when occupied.
     taken: [u64; WORDS],
-    /// How many are taken before each word.
+    /// Number of occupied slots before each word.
     before: [u8; WORDS],
-    /// What is there, in the order of the places.
     values: Vec<T>,
 }
 
@@ -44,42 +44,39 @@ impl<T> Default for Sparse<T> {
 }
 
 impl<T: Clone> Sparse<T> {
-    /// So many empty places.
     pub(crate) fn empty(len: usize) -> Self {
         let mut all = Self::default();
         all.grow(len);
         all
     }
 
-    /// Number of places.
     pub(crate) fn len(&self) -> usize {
         self.len
     }
 
-    /// Appends empty places until there are `len`.
     pub(crate) fn grow(&mut self, len: usize) {
         self.len = self.len.max(len);
         let chunks = self.len.div_ceil(CHUNK);
         if self.chunks.len() < chunks {
-            // One for all, as long as nothing is written to them.
+            // New chunks share one allocation until written.
             Arc::make_mut(&mut self.chunks).resize(chunks, Arc::default());
         }
     }
 
-    /// What is at a place.
+    /// The value of a slot.
     #[inline]
     pub(crate) fn get(&self, index: usize) -> Option<&T> {
         let chunk = self.chunks.get(index / CHUNK)?;
         chunk.values.get(chunk.find(index % CHUNK).ok()?)
     }
 
-    /// What is at a place, to be changed; copies its chunk when a clone still uses it.
+    /// The mutable value of a slot; copies its chunk when a clone shares it.
     pub(crate) fn get_mut(&mut self, index: usize) -> Option<&mut T> {
         let at = self.chunks.get(index / CHUNK)?.find(index % CHUNK).ok()?;
         self.chunk_mut(index)?.values.get_mut(at)
     }
 
-    /// Puts something at a place, in the stead of what is there; appends empty places up to there.
+    /// Sets the value of a slot; appends empty slots if needed.
     pub(crate) fn set(&mut self, index: usize, value: T) {
         self.grow(index.saturating_add(1));
         if let Some(chunk) = self.chunk_mut(index) {
@@ -87,13 +84,12 @@ impl<T: Clone> Sparse<T> {
         }
     }
 
-    /// Takes out what is at a place.
     pub(crate) fn take(&mut self, index: usize) -> Option<T> {
         let at = self.chunks.get(index / CHUNK)?.find(index % CHUNK).ok()?;
         Some(self.chunk_mut(index)?.take(index % CHUNK, at))
     }
 
-    /// All that there is, with its place, in order.
+    /// All values with their indices, in order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, &T)> {
         self.chunks.iter().enumerate().flat_map(|(c, chunk)| {
             let places = chunk.places().map(move |p| c * CHUNK + p);
@@ -101,7 +97,7 @@ impl<T: Clone> Sparse<T> {
         })
     }
 
-    /// Bytes that it takes, without what its values keep elsewhere.
+    /// Bytes used, without heap memory of the values.
     pub(crate) fn bytes(&self) -> usize {
         let of = |c: &Arc<Chunk<T>>| size_of::<Chunk<T>>() + c.values.capacity() * size_of::<T>();
         let chunks = self.chunks.iter();
@@ -125,7 +121,7 @@ impl<T> Default for Chunk<T> {
 }
 
 impl<T> Chunk<T> {
-    /// Where the value of a place is, or would be.
+    /// Index of a slot's value, or where to insert it.
     #[inline]
     fn find(&self, place: usize) -> Result<usize, usize> {
         let (word, bit) = (place / 64, 1_u64 << (place % 64));
@@ -148,7 +144,7 @@ impl<T> Chunk<T> {
         }
     }
 
-    /// Takes out the value at `at`, that of `place`. Memory goes with what is gone.
+    /// Removes the value at index `at`, that of `place`, and releases memory.
     fn take(&mut self, place: usize, at: usize) -> T {
         let value = self.values.remove(at);
         if 4 * self.values.len() <= self.values.capacity() {
@@ -158,7 +154,7 @@ impl<T> Chunk<T> {
         value
     }
 
-    /// Notes that a place is taken now, or no more.
+    /// Toggles whether a slot is occupied.
     fn mark(&mut self, place: usize) {
         self.taken[place / 64] ^= 1 << (place % 64);
         let mut sum = 0;
@@ -169,7 +165,6 @@ impl<T> Chunk<T> {
         }
     }
 
-    /// The places that are taken, in order.
     fn places(&self) -> impl Iterator<Item = usize> {
         self.taken.iter().enumerate().flat_map(|(w, word)| {
             let mut left = *word;
@@ -188,19 +183,18 @@ mod tests {
     use proptest::prelude::*;
     use std::collections::BTreeMap;
 
-    /// What is done to an array at a place.
     #[derive(Clone, Copy, Debug)]
     enum Act {
         Set(usize, u32),
         Change(usize, u32),
         Take(usize),
         Grow(usize),
-        /// A copy is kept from here on.
+        /// Keeps a clone from here on.
         Copy,
     }
 
     fn act() -> impl Strategy<Value = Act> {
-        // Few places, so that they meet, around the borders of words and chunks.
+        // Few slots, so that they collide, at the borders of words and chunks.
         let place = || prop::sample::select(vec![0, 1, 63, 64, 127, 191, 192, 255, 256, 700]);
         prop_oneof![
             4 => (place(), any::<u32>()).prop_map(|(i, v)| Act::Set(i, v)),
@@ -252,7 +246,6 @@ mod tests {
         (0..count).for_each(|i| sparse.set(i, [i; 3]));
         let full = sparse.bytes();
         assert!(full >= count * size_of::<[usize; 3]>());
-        // One of a hundred stays.
         let gone = (0..count).filter(|i| i % 100 != 0);
         assert_eq!(
             gone.filter_map(|i| sparse.take(i)).count(),

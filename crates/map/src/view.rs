@@ -1,4 +1,4 @@
-//! An immutable version of the map.
+//! Immutable versions of the map.
 
 use crate::landmark::LandmarkSlot;
 use crate::sparse::Sparse;
@@ -7,15 +7,15 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A version of the map that never changes. Cloning it costs four reference counts.
+/// An immutable version of the map. Cloning costs four reference counts.
 #[derive(Clone, Debug, Default)]
 pub struct MapView {
     pub(crate) version: u64,
     /// By keyframe id.
     pub(crate) keyframes: Sparse<KeyframeSlot>,
-    /// By landmark id: those that live. As many places as ids were given.
+    /// Live landmarks by id, with a slot for every id given out.
     pub(crate) landmarks: Sparse<Arc<Landmark>>,
-    /// By landmark id: what those became that are the same as others.
+    /// By landmark id: the target of each merge.
     pub(crate) merged: Sparse<LandmarkId>,
     pub(crate) loops: Arc<Vec<LoopEdge>>,
     pub(crate) live_keyframes: usize,
@@ -23,7 +23,7 @@ pub struct MapView {
 }
 
 impl MapView {
-    /// Counts up with every published change.
+    /// Incremented by every published change.
     #[must_use]
     pub fn version(&self) -> u64 {
         self.version
@@ -62,7 +62,7 @@ impl MapView {
         }
     }
 
-    /// What a keyframe id stands for.
+    /// State of a keyframe id.
     #[must_use]
     pub fn keyframe_slot(&self, id: KeyframeId) -> &KeyframeSlot {
         self.keyframes
@@ -83,7 +83,7 @@ impl MapView {
     pub fn world_from_keyframe(&self, id: KeyframeId) -> Option<Se3> {
         let mut tail = Se3::identity();
         let mut at = id;
-        // A tombstone hangs on a keyframe that was live when it was made, so the chain is shorter than their number.
+        // A tombstone's parent was live when it was made, so chains are shorter than the number of slots.
         for _ in 0..=self.keyframes.len() {
             match self.keyframes.get(at.index())? {
                 KeyframeSlot::Live(k) => return Some(k.world_from_camera * tail),
@@ -134,7 +134,7 @@ impl MapView {
     #[must_use]
     pub fn resolve_landmark(&self, id: LandmarkId) -> Option<LandmarkId> {
         let mut at = id;
-        // A merge always points to the landmark that lived on, so chains end.
+        // A merge points to a landmark live at that time, so chains end.
         for _ in 0..=self.landmarks.len() {
             match self.landmark_slot(at) {
                 LandmarkSlot::Live(_) => return Some(at),
@@ -159,8 +159,8 @@ impl MapView {
         Some(anchor.world_from_camera.transform(&l.position_in_anchor))
     }
 
-    /// Places that were recognised, as they were measured then, in the order in which they were: loops that were closed, and what
-    /// joined two submaps. Their keyframes may have been culled since.
+    /// Loop measurements in the order of detection: closed loops and joined submaps. Their keyframes may have been
+    /// culled since.
     pub fn loops(&self) -> impl Iterator<Item = &LoopEdge> {
         self.loops.iter()
     }
@@ -171,7 +171,6 @@ impl MapView {
         landmarks.map(|(i, l)| (LandmarkId::new(i as u32), &**l))
     }
 
-    /// What a landmark id stands for.
     pub(crate) fn landmark_slot(&self, id: LandmarkId) -> LandmarkSlot<'_> {
         let merged = || self.merged.get(id.index()).copied();
         match self.landmark(id) {
@@ -180,7 +179,7 @@ impl MapView {
         }
     }
 
-    /// Bytes of the tables by id, without keyframes and landmarks themselves.
+    /// Bytes of the id tables, without keyframes and landmarks.
     #[must_use]
     pub fn table_bytes(&self) -> usize {
         self.keyframes.bytes() + self.landmarks.bytes() + self.merged.bytes()

@@ -1,4 +1,4 @@
-//! Random changes to a map against its invariants and a naive model of who observes what.
+//! Random changes to a map, checked against its invariants and a naive model of observations.
 
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -77,7 +77,7 @@ fn change() -> impl Strategy<Value = Change> {
     ]
 }
 
-/// Who observes what: landmark -> keyframe -> feature. Only what the map accepts is entered.
+/// Observations: landmark -> keyframe -> feature. Contains only those accepted by the map.
 type Model = BTreeMap<u32, BTreeMap<u32, u32>>;
 
 fn apply(map: &mut Map, model: &mut Model, next: &mut u32, change: &Change) {
@@ -236,11 +236,11 @@ fn disowned_features_leave_the_map_for_good() {
     map.check().unwrap();
     assert!(map.view().landmark(made_here).is_none());
     assert_eq!(map.observations(made_before), &[(KeyframeId(0), 1)]);
-    // Not again, by whatever way: neither as a new landmark nor by fusing with an old one.
+    // The feature can neither create a landmark nor observe an old one.
     assert!(landmark(&mut map, 1, 0).is_none());
     assert!(!map.add_observation(made_before, KeyframeId(1), 2));
     assert!(map.add_observation(made_before, KeyframeId(1), 3));
-    // What was published stays as it was.
+    // The published view is unchanged.
     let before = published.keyframe(KeyframeId(1)).unwrap();
     assert_eq!(before.matches[0], Some(made_here));
     assert!(before.data.mappable.iter().all(|m| *m));

@@ -1,6 +1,6 @@
 //! Maps, their laws and their corrections.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise test helpers as tests.
 
 mod correction;
 mod invariants;

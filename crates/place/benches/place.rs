@@ -1,4 +1,5 @@
-//! Time and memory of place recognition: `cargo bench -p stillpoint-place`. 1000 features per image; each keyframe shares a third of them with the one before.
+//! Time and memory of place recognition: `cargo bench -p stillpoint-place`. 1000 features per image; each keyframe
+//! shares a third of them with its predecessor.
 
 use std::sync::Arc;
 
@@ -6,7 +7,6 @@ use divan::{AllocProfiler, Bencher, black_box};
 use stillpoint_features::Descriptor;
 use stillpoint_place::{PlaceIndex, PlaceVector, Vocabulary};
 
-/// Counts allocations and their bytes: what a vector and an index take.
 #[global_allocator]
 static ALLOCATIONS: AllocProfiler = AllocProfiler::system();
 
@@ -16,7 +16,6 @@ fn main() {
 
 const FEATURES: usize = 1000;
 
-/// SplitMix64.
 struct Random(u64);
 
 impl Random {
@@ -31,7 +30,7 @@ impl Random {
         Descriptor(std::array::from_fn(|_| self.bits()))
     }
 
-    /// The same point seen again: one bit in eight differs.
+    /// The same point observed again: one bit in eight differs.
     fn seen_again(&mut self, descriptor: &Descriptor) -> Descriptor {
         Descriptor(std::array::from_fn(|i| {
             descriptor.0[i] ^ (self.bits() & self.bits() & self.bits())
@@ -62,13 +61,12 @@ fn index(count: usize) -> PlaceIndex<u32> {
     index
 }
 
-/// Reading the embedded vocabulary: all that has to be done before the first query.
+/// Reading the embedded vocabulary, required before the first query.
 #[divan::bench]
 fn load_vocabulary() -> Vocabulary {
     Vocabulary::embedded()
 }
 
-/// One keyframe's vector from its descriptors.
 #[divan::bench]
 fn vector(bencher: Bencher) {
     let (vocabulary, images) = (Vocabulary::embedded(), images(1));
@@ -88,7 +86,6 @@ fn rebuild_1000(bencher: Bencher) {
     });
 }
 
-/// The ten most alike keyframes.
 #[divan::bench(args = [100, 1000, 2000, 10_000])]
 fn query(bencher: Bencher, keyframes: usize) {
     let index = index(keyframes);
@@ -96,7 +93,6 @@ fn query(bencher: Bencher, keyframes: usize) {
     bencher.bench(|| index.query(black_box(&seen), |_| true, 10));
 }
 
-/// The score of two keyframes.
 #[divan::bench]
 fn score(bencher: Bencher) {
     let index = index(2);
@@ -108,7 +104,7 @@ fn score(bencher: Bencher) {
     bencher.bench(|| black_box(vectors[0]).score(vectors[1]));
 }
 
-/// Publishing a read view of 1000 keyframes, and the insertion after it, which copies the list.
+/// Publishing a view of 1000 keyframes, then an insertion, which copies the list.
 #[divan::bench]
 fn publish_and_insert(bencher: Bencher) {
     let mut index = index(1000);

@@ -1,4 +1,4 @@
-//! Which keyframes are most alike to an image.
+//! Finds the keyframes most similar to an image.
 
 use crate::{
     PlaceVector,
@@ -6,29 +6,30 @@ use crate::{
 };
 use std::sync::Arc;
 
-/// For each requested match, this many keyframes are compared feature by feature: those with most words in common.
+/// Keyframes compared feature by feature for each requested match: those with most words in common.
 const SHORTLIST_FACTOR: usize = 4;
-/// Least number of keyframes that are compared feature by feature.
+/// Minimum number of keyframes compared feature by feature.
 const SHORTLIST: usize = 40;
 
-/// Keyframes by what they look like. `K` is whatever the caller names them by.
+/// Keyframes by appearance, under keys `K` of the caller.
 ///
-/// A value of its keys and vectors, whatever the order of insertions and removals: an index that is read back from a file answers as the one that was written.
-/// A clone shares the list (O(1)); the first change after that copies the list, not the vectors: microseconds at 1000 keyframes.
+/// Depends only on its keys and vectors, not on the order of insertions and removals, so an index rebuilt from a file
+/// gives the same answers. A clone shares the list (O(1)); the first change afterwards copies the list, not the
+/// vectors: microseconds at 1000 keyframes.
 #[derive(Clone, Debug)]
 pub struct PlaceIndex<K> {
     /// Ascending by key.
     entries: Arc<Vec<(K, Arc<PlaceVector>)>>,
 }
 
-/// A keyframe that looks like what was asked for.
+/// A keyframe found by a query.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaceMatch<K> {
     /// The keyframe.
     pub key: K,
-    /// How alike the features are, 0 to 1: [`PlaceVector::score`].
+    /// Similarity of the features, 0 to 1: [`PlaceVector::score`].
     pub score: f64,
-    /// How alike the words are, 0 to 1: [`PlaceVector::word_score`].
+    /// Similarity of the words, 0 to 1: [`PlaceVector::word_score`].
     pub word_score: f64,
 }
 
@@ -47,25 +48,25 @@ impl<K: Copy + Ord> PlaceIndex<K> {
         self.entries.len()
     }
 
-    /// Whether there are none.
+    /// True when the index has no keyframes.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
 
-    /// The keyframes' names, ascending.
+    /// The keys, ascending.
     pub fn keys(&self) -> impl Iterator<Item = K> + '_ {
         self.entries.iter().map(|(key, _)| *key)
     }
 
-    /// What a keyframe looks like.
+    /// The vector of a keyframe.
     #[must_use]
     pub fn get(&self, key: K) -> Option<&Arc<PlaceVector>> {
         let at = self.find(key).ok()?;
         Some(&self.entries[at].1)
     }
 
-    /// Adds a keyframe; what `key` stood for before is replaced and given back.
+    /// Adds a keyframe; returns the vector previously stored under `key`.
     pub fn insert(&mut self, key: K, vector: Arc<PlaceVector>) -> Option<Arc<PlaceVector>> {
         let at = self.find(key);
         let entries = Arc::make_mut(&mut self.entries);
@@ -78,7 +79,7 @@ impl<K: Copy + Ord> PlaceIndex<K> {
         }
     }
 
-    /// Takes a keyframe out; `None` when it is not there.
+    /// Removes a keyframe; `None` when the key is unknown.
     pub fn remove(&mut self, key: K) -> Option<Arc<PlaceVector>> {
         let at = self.find(key).ok()?;
         Some(Arc::make_mut(&mut self.entries).remove(at).1)
@@ -88,8 +89,8 @@ impl<K: Copy + Ord> PlaceIndex<K> {
         self.entries.binary_search_by_key(&key, |(key, _)| *key)
     }
 
-    /// The `limit` keyframes, of those that `admit` lets in, that are most alike to `vector`: best score first, equal ones by their words and then by key.
-    /// Only keyframes that have a word in common with it are found.
+    /// The `limit` keyframes accepted by `admit` that are most similar to `vector`: by descending score, then word
+    /// score, then key. Only keyframes with a word in common are found.
     #[must_use]
     pub fn query(
         &self,
@@ -111,15 +112,15 @@ impl<K: Copy + Ord> PlaceIndex<K> {
                 }
             })
             .collect();
-        // Stable: the shortlist is in the order of words, then keys.
+        // Stable: the shortlist is ordered by words, then keys.
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
         found.truncate(limit);
         found
     }
 
-    /// All keyframes with a word in common, as score and position in the list: best score first, then by key.
+    /// All keyframes with a word in common, as (word score, position in the list), best first, then by key.
     fn by_words(&self, vector: &PlaceVector, admit: impl Fn(K) -> bool) -> Vec<(f64, usize)> {
-        // A table of 16 to 32 kB stays in the fastest cache while the keyframes pass by: no inverted file is needed.
+        // A table of 16 to 32 kB stays in L1 cache during the scan: no inverted file is needed.
         let last = vector.words().last().map_or(0, |(word, _)| word);
         let mut table = vec![0_u32; usize::from(last) + 1];
         for (word, weight) in vector.words() {

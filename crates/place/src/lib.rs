@@ -1,11 +1,12 @@
-//! Place recognition: which keyframes show what an image shows.
+//! Place recognition: finds keyframes that show the same place as an image.
 //!
-//! Answers: what an image looks like as a whole ([`PlaceVector`]), how alike two images are, which of a thousand keyframes are most alike to one
-//! ([`PlaceIndex`]), and which features of two images may be the same point. Judges by descriptors alone: it knows no poses, no geometry and no map, so
-//! what it finds are candidates that the caller verifies. What may enter a vector (nothing that moves) is the caller's to say.
+//! [`PlaceVector`] describes an image's appearance, [`PlaceIndex`] finds the most similar of a thousand keyframes, and
+//! pairs of features that may show the same point can be extracted. Everything is based on descriptors alone, without
+//! poses, geometry or map: results are candidates that the caller verifies. The caller also excludes features on moving
+//! objects.
 //!
-//! A small tree of binary words is embedded in the program ([`Vocabulary::embedded`]); it is made by `lab place train`. How it was chosen, and
-//! what else was tried, is in `docs/decisions/0010-place-recognition.md`, made by `lab place compare`.
+//! A small tree of binary words is embedded in the program ([`Vocabulary::embedded`]), trained by `lab place train`.
+//! The choice and its alternatives are in `docs/decisions/0010-place-recognition.md`, made by `lab place compare`.
 //!
 //! ```
 //! use std::sync::Arc;

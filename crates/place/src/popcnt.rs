@@ -1,11 +1,11 @@
-//! Kernels compiled with the machine's instruction to count bits, each the twin of a portable function with the same result: they are integers. The only
-//! unsafe code of the crate. 64-bit Arm always has such an instruction, and there portable code is compiled with it.
+//! Kernels compiled with POPCNT; each returns the same integers as its portable twin. The only unsafe code of the
+//! crate. 64-bit Arm always has such an instruction, so its portable code already uses it.
 #![allow(unsafe_code)]
 
 use crate::{PlaceVector, Vocabulary, vector::Tally};
 use stillpoint_features::Descriptor;
 
-/// Whether the instruction is there. The detection is cached by the standard library.
+/// The standard library caches the detection.
 #[cfg(target_arch = "x86_64")]
 fn there() -> bool {
     std::arch::is_x86_feature_detected!("popcnt")
@@ -15,13 +15,12 @@ fn there() -> bool {
 pub(crate) fn words(vocabulary: &Vocabulary, descriptors: &[Descriptor]) -> Vec<u16> {
     #[cfg(target_arch = "x86_64")]
     {
-        /// The same, compiled for the instruction.
         #[target_feature(enable = "popcnt")]
         fn kernel(vocabulary: &Vocabulary, descriptors: &[Descriptor]) -> Vec<u16> {
             vocabulary.words_portable(descriptors)
         }
         if there() {
-            // SAFETY: the instruction has just been seen.
+            // SAFETY: the instruction has just been detected.
             return unsafe { kernel(vocabulary, descriptors) };
         }
     }
@@ -32,13 +31,12 @@ pub(crate) fn words(vocabulary: &Vocabulary, descriptors: &[Descriptor]) -> Vec<
 pub(crate) fn tally(a: &PlaceVector, b: &PlaceVector, words_per_group: u16, out: &mut Tally) {
     #[cfg(target_arch = "x86_64")]
     {
-        /// The same, compiled for the instruction.
         #[target_feature(enable = "popcnt")]
         fn kernel(a: &PlaceVector, b: &PlaceVector, words_per_group: u16, out: &mut Tally) {
             a.tally_portable(b, words_per_group, out);
         }
         if there() {
-            // SAFETY: the instruction has just been seen.
+            // SAFETY: the instruction has just been detected.
             return unsafe { kernel(a, b, words_per_group, out) };
         }
     }
@@ -59,7 +57,7 @@ mod tests {
             let vocabulary = Vocabulary::embedded();
             let [a, b] = [a, b].map(|d| d.into_iter().map(Descriptor).collect::<Vec<_>>());
             prop_assert_eq!(words(&vocabulary, &a), vocabulary.words_portable(&a));
-            // Random bits are all alike; half of one image in the other gives pairs.
+            // Random descriptors rarely match; half of one image is added to the other to get pairs.
             let b: Vec<_> = b.iter().chain(a.iter().step_by(2)).copied().collect();
             let (a, b) = (vocabulary.vector(&a), vocabulary.vector(&b));
             let (mut fast, mut portable) = (Tally::default(), Tally::default());

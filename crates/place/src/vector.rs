@@ -1,20 +1,19 @@
-//! What one image looks like.
-//!
-//! Answers: how alike two images are, by words and by features, and which of their features may be the same point.
+//! Appearance vector of an image: similarity by words and by features, and pairs of features that may show the same
+//! point.
 
 use crate::{Vocabulary, popcnt};
 use std::sync::Arc;
 use stillpoint_features::Descriptor;
 
-/// Words of 64 bits of a descriptor by which features are distinguished: the first half. ORB's tests were chosen one by one, each to vary much and to correlate
-/// little with those before (Rublee et al., ICCV 2011), so the first ones say most; on the data of the decision the other half added nothing.
+/// Words of 64 bits of a descriptor compared for matching: the first half. ORB's tests were chosen greedily, each with
+/// high variance and low correlation with those before (Rublee et al., ICCV 2011), so the first ones are the most
+/// informative; on the data of the decision the other half added nothing.
 pub(crate) const SIGNATURE: usize = 2;
-/// Features whose signatures differ in at most this many bits may be the same point.
+/// Maximum Hamming distance of signatures of one point.
 const MAX_DISTANCE: u32 = 24;
-/// The sum of the weights of an image, about: they are rounded down.
+/// Approximate sum of an image's weights, which are rounded down.
 const UNIT: u64 = 1 << 20;
 
-/// How many bits differ of those by which features are distinguished.
 #[inline(always)]
 fn distance(a: &Descriptor, b: &Descriptor) -> u32 {
     let mut distance = 0;
@@ -24,25 +23,26 @@ fn distance(a: &Descriptor, b: &Descriptor) -> u32 {
     distance
 }
 
-/// What an image looks like: its words with their weights, and its features in the order of their words.
+/// Appearance of an image: its words with weights, and its features ordered by word.
 ///
-/// Immutable, so that keyframes, index and readers share it behind an `Arc`. It follows from the descriptors and the vocabulary alone, shares the
-/// descriptors with its keyframe, and takes some 8 kB beside them for 1000 features. Vectors of different vocabularies have nothing to say about each other.
+/// Immutable, so that keyframes, index and readers share it behind an `Arc`. Depends on descriptors and vocabulary
+/// alone, shares the descriptors with its keyframe, and takes some 8 kB besides them for 1000 features. Vectors of
+/// different vocabularies must not be compared.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlaceVector {
-    /// Distinct words, ascending, with their weights and the places of their last features.
+    /// Distinct words, ascending, with their weights and the positions of their last features.
     words: Box<[u16]>,
     weights: Box<[u32]>,
     lasts: Box<[u16]>,
     total: u32,
-    /// In the order of (word, feature).
+    /// Ordered by (word, feature).
     features: Box<[u16]>,
-    /// Of all features of the image, let in or not.
+    /// Of all features of the image, admitted or not.
     descriptors: Arc<Vec<Descriptor>>,
     words_per_group: u16,
 }
 
-/// Two features that may be the same point.
+/// Two features that may show the same point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct FeaturePair {
     /// Feature of the first image.
@@ -72,7 +72,7 @@ impl PlaceVector {
             raw.push(run.len() as u64 * u64::from(vocabulary.idf(run[0].0)));
         }
         let sum = raw.iter().sum::<u64>().max(1);
-        // Integers, so that sums are exact and do not depend on their order.
+        // Integers make sums exact and independent of their order.
         let weights: Box<[u32]> = raw.iter().map(|w| (w * UNIT / sum) as u32).collect();
         Self {
             words: words.into(),
@@ -91,7 +91,7 @@ impl PlaceVector {
         self.features.len()
     }
 
-    /// Bytes that it takes beside the descriptors.
+    /// Memory in bytes, without the descriptors.
     #[must_use]
     pub fn bytes(&self) -> usize {
         size_of::<Self>()
@@ -101,13 +101,13 @@ impl PlaceVector {
             + size_of_val(&*self.features)
     }
 
-    /// Whether there are none.
+    /// True when there are no features.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.features.is_empty()
     }
 
-    /// The features' words, ascending, and their weights in 2^-20.
+    /// Words, ascending, with weights in 2^-20.
     pub(crate) fn words(&self) -> impl Iterator<Item = (u16, u32)> + '_ {
         self.words.iter().copied().zip(self.weights.iter().copied())
     }
@@ -116,7 +116,7 @@ impl PlaceVector {
         self.total
     }
 
-    /// How much the words of two images have in common, 0 to 1: `1 - |a - b|_1 / 2` of their weights.
+    /// Similarity of the words of two images, 0 to 1: `1 - |a - b|_1 / 2` of their weights.
     #[must_use]
     pub fn word_score(&self, other: &Self) -> f64 {
         let (mut i, mut j, mut common) = (0, 0, 0_u32);
@@ -125,24 +125,25 @@ impl PlaceVector {
             if a == b {
                 common += self.weights[i].min(other.weights[j]);
             }
-            // Sums, not branches: which side comes next is a coin toss that no processor foresees.
+            // Branch-free: the comparison is unpredictable.
             i += usize::from(a <= b);
             j += usize::from(b <= a);
         }
         common_share(common, self.total, other.total)
     }
 
-    /// The share of features that have a partner of the same word in the other image, 0 to 1; the same both ways round, 1 for an image and itself (if no two
-    /// of its features are equal).
+    /// Share of features with a partner of the same word in the other image, 0 to 1; symmetric, 1 for an image and
+    /// itself (if no two of its features are equal).
     #[must_use]
     pub fn score(&self, other: &Self) -> f64 {
         let mut tally = Tally::default();
         self.score_with(other, &mut tally)
     }
 
-    /// [`PlaceVector::score`] in the buffers of an earlier one.
+    /// [`PlaceVector::score`] with reused buffers.
     pub(crate) fn score_with(&self, other: &Self, tally: &mut Tally) -> f64 {
-        // Within a word, not a group: what is missed is missed in right and wrong candidates, and chance has less to choose from.
+        // Within words, not groups: missed pairs affect right and wrong candidates alike, and there are fewer chance
+        // pairs.
         popcnt::tally(self, other, 1, tally);
         let features = self.len() + other.len();
         if features == 0 {
@@ -151,9 +152,10 @@ impl PlaceVector {
         2.0 * tally.pairs.len() as f64 / features as f64
     }
 
-    /// Features of both images that may be the same point, in the order of this image's words; each feature is in one pair at most. Their signatures are
-    /// mutually nearest among the features of their group of words, which is wider than a word: more pairs than [`PlaceVector::score`] counts, and more wrong
-    /// ones. What the caller has left to do is to compare whole descriptors.
+    /// Pairs of features of both images that may show the same point, ordered by this image's words; each feature is in
+    /// at most one pair. Their signatures are mutually nearest within a group of words, which is wider than a word:
+    /// more pairs than [`PlaceVector::score`] counts, and more wrong ones. The caller still has to compare whole
+    /// descriptors.
     #[must_use]
     pub fn candidate_pairs(&self, other: &Self) -> Vec<FeaturePair> {
         let mut tally = Tally::default();
@@ -161,7 +163,8 @@ impl PlaceVector {
         tally.pairs
     }
 
-    /// Pairs features within groups of so many words, for the instruction set of the caller, into which it is inlined.
+    /// Pairs features within groups of `words_per_group` words. Inlined, to be compiled for the caller's instruction
+    /// set.
     #[inline(always)]
     pub(crate) fn tally_portable(&self, other: &Self, words_per_group: u16, out: &mut Tally) {
         out.pairs.clear();
@@ -185,7 +188,7 @@ impl PlaceVector {
         }
     }
 
-    /// The first distinct word after the group of the `i`-th one.
+    /// Index of the first distinct word after the group of the `i`-th one.
     #[inline(always)]
     fn end_of_group(&self, i: usize, words_per_group: u16) -> usize {
         let group = self.words[i] / words_per_group;
@@ -193,7 +196,6 @@ impl PlaceVector {
         i + self.words[i..].iter().take_while(inside).count()
     }
 
-    /// Pairs features within words.
     #[inline(always)]
     fn tally_words(&self, other: &Self, out: &mut Tally) {
         let (mut i, mut j) = (0, 0);
@@ -202,13 +204,12 @@ impl PlaceVector {
             if a == b {
                 out.add_group(self.of_words(i, i + 1), other.of_words(j, j + 1));
             }
-            // As in `word_score`.
             i += usize::from(a <= b);
             j += usize::from(b <= a);
         }
     }
 
-    /// The features of the `i`-th distinct word and those after it, up to the `end`-th.
+    /// Features of the distinct words `i` to `end`, exclusive.
     #[inline(always)]
     fn of_words(&self, i: usize, end: usize) -> Group<'_> {
         let end_of = |word: usize| usize::from(self.lasts[word]) + 1;
@@ -220,7 +221,7 @@ impl PlaceVector {
     }
 }
 
-/// The share of weights that two images have in common.
+/// Share of weights common to two images.
 pub(crate) fn common_share(common: u32, a: u32, b: u32) -> f64 {
     let both = u64::from(a) + u64::from(b);
     if both == 0 {
@@ -229,11 +230,10 @@ pub(crate) fn common_share(common: u32, a: u32, b: u32) -> f64 {
     2.0 * f64::from(common) / both as f64
 }
 
-/// Some features of an image.
 #[derive(Clone, Copy)]
 struct Group<'a> {
     features: &'a [u16],
-    /// Of all of the image.
+    /// Of all features of the image.
     descriptors: &'a [Descriptor],
 }
 
@@ -244,11 +244,10 @@ impl Group<'_> {
     }
 }
 
-/// Buffers of one comparison.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tally {
     pairs: Vec<FeaturePair>,
-    /// For each feature of the second image's group: the least distance, and the number of the feature that has it.
+    /// Per feature of the second image's group: the minimum distance and the index of the feature that has it.
     back: Vec<(u32, usize)>,
     forward: Vec<(u32, usize)>,
 }
@@ -259,11 +258,11 @@ impl Tally {
         &self.pairs
     }
 
-    /// Adds the mutually nearest pairs of two groups; the first feature wins a tie.
+    /// Adds the mutually nearest pairs of two groups; the first feature wins ties.
     #[inline(always)]
     fn add_group(&mut self, a: Group<'_>, b: Group<'_>) {
         if let ([x], [y]) = (a.features, b.features) {
-            // Most words are there once, and need no search.
+            // Most words occur once and need no search.
             if distance(a.descriptor(*x), b.descriptor(*y)) <= MAX_DISTANCE {
                 self.push(*x, *y);
             }

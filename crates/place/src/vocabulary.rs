@@ -1,12 +1,11 @@
-//! The embedded tree of binary words.
-//!
-//! Answers: which word a descriptor is, and how rare that word is. Does not train: see `lab place train`.
+//! The embedded tree of binary words: words of descriptors and their inverse document frequencies. Trained by `lab
+//! place train`.
 
 use crate::{PlaceVector, popcnt};
 use std::sync::Arc;
 use stillpoint_features::Descriptor;
 
-/// Bytes before the first centre: the magic and the version, the shape.
+/// Bytes before the first centre: magic, version and shape.
 const HEADER: usize = 8;
 const MAGIC: [u8; 5] = *b"SPWT\x01";
 /// Bytes of a centre: 256 bits.
@@ -14,31 +13,31 @@ const CENTRE: usize = 32;
 
 /// Trained by `cargo run --release --manifest-path lab/Cargo.toml -- place train`.
 static EMBEDDED: &[u8] = include_bytes!("../data/vocabulary.bin");
-// A file that cannot be read stops the build, so reading the embedded one cannot fail.
+// An unreadable embedded file stops the build, so reading it cannot fail.
 const _: () = assert!(
     problem(EMBEDDED).is_none(),
     "data/vocabulary.bin is malformed"
 );
 
-/// Why bytes are no vocabulary.
+/// Reason why bytes are not a vocabulary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VocabularyError {
-    /// They do not begin as a vocabulary of this version does.
+    /// Wrong magic or version.
     Foreign,
-    /// A tree of this shape is not possible: the branching is 2 to 64, there are 1 to 8 levels and at most 65536 words.
+    /// Invalid shape: branching must be 2 to 64, levels 1 to 8, words at most 65536.
     Shape {
         /// Children of each node, as stated.
         branching: u8,
         /// Levels below the root, as stated.
         levels: u8,
-        /// The level of the nodes in which features are matched, as stated.
+        /// The level of the nodes within which features are matched, as stated.
         match_level: u8,
     },
-    /// There are more or fewer bytes than the shape says.
+    /// The number of bytes does not match the shape.
     Length {
-        /// Bytes that the shape asks for.
+        /// Bytes required by the shape.
         expected: usize,
-        /// Bytes that are there.
+        /// Bytes found.
         found: usize,
     },
 }
@@ -64,10 +63,11 @@ impl std::fmt::Display for VocabularyError {
 
 impl std::error::Error for VocabularyError {}
 
-/// A tree of binary words (Nister, Stewenius, "Scalable recognition with a vocabulary tree", CVPR 2006; with binary centres as in Galvez-Lopez, Tardos,
-/// "Bags of binary words", T-RO 2012). Complete: every inner node has the same number of children, and the leaves are the words.
+/// A tree of binary words (Nister, Stewenius, "Scalable recognition with a vocabulary tree", CVPR 2006; with binary
+/// centres as in Galvez-Lopez, Tardos, "Bags of binary words", T-RO 2012). Complete: all inner nodes have the same
+/// number of children, and the leaves are the words.
 ///
-/// About 200 kB, read in well under a millisecond; the owner keeps it, there is no global.
+/// About 200 kB, read in well under a millisecond; owned by the caller, not global.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Vocabulary {
     branching: usize,
@@ -79,7 +79,7 @@ pub struct Vocabulary {
     idf: Vec<u16>,
 }
 
-/// The number of nodes below the root of a complete tree, and how many of them are leaves; `None` when the shape is out of range.
+/// Numbers of nodes below the root and of leaves of a complete tree; `None` when the shape is out of range.
 const fn tree_size(branching: u8, levels: u8) -> Option<(usize, usize)> {
     if branching < 2 || branching > 64 || levels < 1 || levels > 8 {
         return None;
@@ -96,7 +96,7 @@ const fn tree_size(branching: u8, levels: u8) -> Option<(usize, usize)> {
     Some((nodes, leaves))
 }
 
-/// Why `bytes` cannot be read. Constant, so that the embedded file is checked by the compiler.
+/// The problem of `bytes`, if any. Constant, so that the compiler checks the embedded file.
 const fn problem(bytes: &[u8]) -> Option<VocabularyError> {
     let mut i = 0;
     while i < MAGIC.len() {
@@ -134,16 +134,18 @@ const fn problem(bytes: &[u8]) -> Option<VocabularyError> {
 }
 
 impl Vocabulary {
-    /// The vocabulary that is part of the program.
+    /// The vocabulary embedded in the program.
     #[must_use]
     pub fn embedded() -> Self {
         Self::decode(EMBEDDED)
     }
 
-    /// Reads a vocabulary: "SPWT", version, branching, levels, level of matching (one byte each), the centres breadth first (4 words of 64 bits each), the inverse document frequencies of the leaves in 1/1024 (16 bits each); all little-endian.
+    /// Reads a vocabulary: "SPWT", version, branching, levels, match level (one byte each), the centres breadth first
+    /// (4 words of 64 bits each), the inverse document frequencies of the leaves in 1/1024 (16 bits each); all
+    /// little-endian.
     ///
     /// # Errors
-    /// [`VocabularyError`] when the bytes are not that, exactly.
+    /// [`VocabularyError`] when the bytes deviate from this format.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, VocabularyError> {
         match problem(bytes) {
             Some(problem) => Err(problem),
@@ -151,7 +153,6 @@ impl Vocabulary {
         }
     }
 
-    /// Reads bytes in which [`problem`] has found nothing wrong.
     fn decode(bytes: &[u8]) -> Self {
         let (header, body) = bytes.split_at(HEADER);
         let [branching, levels, match_level] = [header[5], header[6], header[7]];
@@ -180,24 +181,25 @@ impl Vocabulary {
         self.idf.len()
     }
 
-    /// Never true: a tree has leaves.
+    /// Always false: a tree has leaves.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.idf.is_empty()
     }
 
-    /// The word of each descriptor, below [`Vocabulary::len`]: from the root, always on to the nearest child, the first one of equally near ones.
+    /// The word of each descriptor, below [`Vocabulary::len`]: descends from the root to the nearest child, the first
+    /// one on ties.
     #[must_use]
     pub fn words(&self, descriptors: &[Descriptor]) -> Vec<u16> {
         popcnt::words(self, descriptors)
     }
 
-    /// [`Vocabulary::words`] for the instruction set of its caller, into which it is inlined.
+    /// [`Vocabulary::words`], inlined to be compiled for the caller's instruction set.
     #[inline(always)]
     pub(crate) fn words_portable(&self, descriptors: &[Descriptor]) -> Vec<u16> {
         let k = self.branching;
         let word = |descriptor: &Descriptor| {
-            // `node` counts within its level, `level` points to the first centre of the level below it.
+            // `node` counts within its level; `level` is the index of the first centre of the level below.
             let (mut node, mut level, mut width) = (0, 0, k);
             for _ in 0..self.levels {
                 let children = &self.centres[level + node * k..][..k];
@@ -217,26 +219,27 @@ impl Vocabulary {
         descriptors.iter().map(word).collect()
     }
 
-    /// Inverse document frequency of a word, in 1/1024; 0 for a word that does not exist.
+    /// Inverse document frequency of a word, in 1/1024; 0 for an unknown word.
     pub(crate) fn idf(&self, word: u16) -> u16 {
         self.idf.get(usize::from(word)).copied().unwrap_or(0)
     }
 
-    /// Number of words below one node of the level at which features are matched.
+    /// Number of words below one node of the match level.
     pub(crate) fn words_per_group(&self) -> u16 {
         let below = (self.levels - self.match_level) as u32;
         // A group is smaller than the vocabulary, which has at most 65536 words in at least two groups.
         self.branching.pow(below) as u16
     }
 
-    /// What an image looks like, from the descriptors of all its features.
+    /// The vector of an image, from the descriptors of all its features.
     #[must_use]
     pub fn vector(&self, descriptors: &[Descriptor]) -> PlaceVector {
         self.vector_of(&Arc::new(descriptors.to_vec()), |_| true)
     }
 
-    /// What an image looks like, from the descriptors of those of its features that `admit` lets in: leave out what moves. Pairs of features
-    /// ([`PlaceVector::candidate_pairs`]) count in `descriptors`, admitted or not. It shares these. Features from number 65535 on are left out.
+    /// The vector of an image, from the descriptors of the features accepted by `admit`, which should exclude moving
+    /// objects. Pairs of features ([`PlaceVector::candidate_pairs`]) index `descriptors`, admitted or not. Shares
+    /// `descriptors`. Features from number 65535 on are ignored.
     #[must_use]
     pub fn vector_of(
         &self,

@@ -1,4 +1,4 @@
-//! Laws of vectors and of the index, on random descriptors.
+//! Laws of vectors and index, on random descriptors.
 
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ fn descriptors(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Descr
     proptest::collection::vec(one, count)
 }
 
-/// Images of which some share descriptors with the one before.
+/// Images, some of which share descriptors with their predecessor.
 fn images(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Vec<Descriptor>>> {
     let image = (descriptors(1..60), 0..40_usize);
     proptest::collection::vec(image, count).prop_map(|images| {
@@ -65,7 +65,7 @@ proptest! {
         prop_assert_eq!(index.len(), images.len() - 1);
         prop_assert!(index.get(gone).is_none());
         prop_assert!(index.query(&vectors[gone], |_| true, 100).iter().all(|m| m.key != gone));
-        // A view that was taken before stays as it was.
+        // A view taken before is unaffected.
         prop_assert_eq!(view.len(), images.len());
         prop_assert_eq!(view.query(&vectors[gone], |_| true, 1)[0].key, gone);
     }
@@ -142,7 +142,7 @@ proptest! {
             side.dedup();
             prop_assert_eq!(side.len(), pairs.len());
         }
-        // A feature that both images have is found, unless it was left out.
+        // A feature of both images is found unless excluded.
         let shared = |i: usize| images[1].contains(&images[0][i]) && !i.is_multiple_of(3);
         let found = |i: usize| pairs.iter().any(|p| usize::from(p.a) == i);
         prop_assert!((0..images[0].len()).all(|i| !shared(i) || found(i)));
@@ -190,7 +190,7 @@ fn a_key_is_inserted_again_with_what_is_new() {
     assert_eq!(index.get('a'), Some(&vector(0xffff_ffff_ffff)));
 }
 
-/// A feature beyond the 65535th cannot be numbered; it is left out rather than given a wrong number.
+/// Features beyond index 65535 cannot be numbered; they must be ignored.
 #[test]
 fn features_beyond_the_numbers_are_left_out() {
     let many: Vec<Descriptor> = (0..65_600_u64)

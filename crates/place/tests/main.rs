@@ -1,6 +1,6 @@
 //! Place recognition.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise test helpers as tests.
 
 mod laws;
 mod recordings;

@@ -1,7 +1,8 @@
-//! Places are recognised in rendered and in recorded images. How well, beside other ways, is what `lab place compare` tells.
-#![allow(clippy::print_stdout)] // What was measured is worth reading.
+//! Place recognition in rendered and recorded images. `lab place compare` measures its quality.
+#![allow(clippy::print_stdout)] // Measurements are printed.
 
-// The laboratory takes its keyframes from this file too (`lab place`), and names the crates by the facade: what the file needs is named here.
+// The laboratory includes this file too (`lab place`) and names the crates by the facade: imports needed by the file
+// are here.
 use stillpoint_datasets as datasets;
 use stillpoint_features as features;
 use stillpoint_geometry as geometry;
@@ -17,8 +18,8 @@ use stillpoint_imaging::Simd;
 use stillpoint_place::{PlaceIndex, PlaceVector, Vocabulary};
 use stillpoint_simulator::{Simulator, SimulatorConfig};
 
-/// The walk through two rooms comes back to where it began: its last images find the first ones, among images of the rest of the way, which shows the same
-/// chairs, shelves and posters at other places.
+/// A walk through two rooms returns to its start: its last images must find the first ones among images of the rest of
+/// the way, which show the same chairs, shelves and posters at other places.
 #[test]
 fn a_walk_recognises_where_it_began() {
     let sim = Simulator::new(&SimulatorConfig {
@@ -51,7 +52,7 @@ fn a_walk_recognises_where_it_began() {
         );
         worst_right = worst_right.min(found[0].score);
     }
-    // The same, without the beginning in the index: nothing is as alike.
+    // Without the start in the index nothing else is as similar.
     for frame in [last - 90, last - 60, last - 30, last] {
         let elsewhere = index.query(&vector(frame), |key| far(frame, key) > 4.0, 1);
         assert!(elsewhere[0].score < worst_right, "{elsewhere:?}");
@@ -64,7 +65,7 @@ fn vectors(keyframes: &[Keyframe]) -> Vec<Arc<PlaceVector>> {
     keyframes.iter().map(vector).collect()
 }
 
-/// A kitchen that the vocabulary was not trained on.
+/// A kitchen that is not in the training data of the vocabulary.
 #[test]
 fn a_kitchen_is_recognised() {
     let Some(folder) = stillpoint_testdata::recording("kitchen") else {

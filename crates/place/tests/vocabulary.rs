@@ -18,7 +18,7 @@ fn the_embedded_one_is_what_its_file_says_and_small() {
     assert!(!Vocabulary::embedded().is_empty());
 }
 
-/// A tree of two levels, by hand: the way goes to the nearest child each time, and to the first one of equally near ones.
+/// A small tree of two levels: descent to the nearest child, the first one on ties.
 #[test]
 fn a_word_is_at_the_end_of_the_nearest_children() {
     let centre = |bits: u64| Descriptor([bits, 0, 0, 0]);
@@ -40,7 +40,7 @@ fn a_word_is_at_the_end_of_the_nearest_children() {
     assert_eq!(tree.words(&seen), [0, 0, 1, 0, 2, 2, 0]);
 }
 
-/// Any change of these is a change of every place vector, and of what a saved map finds.
+/// A change of these changes all place vectors, and the results on saved maps.
 #[test]
 fn words_of_the_embedded_one() {
     let descriptors: Vec<Descriptor> = (1..=8_u64)
@@ -106,7 +106,7 @@ proptest! {
         let _ = Vocabulary::from_bytes(&begun);
     }
 
-    /// Whatever is in a file of the right length, its words are in range and its scores are shares.
+    /// Whatever a file of the right length contains, words must be in range and scores must be shares.
     #[test]
     fn changed_bytes_give_an_error_or_a_tree(
         changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..200),

@@ -1,25 +1,24 @@
-//! A camera's pose that follows the map.
+//! Frame poses that follow corrections of the map.
 
 use stillpoint_geometry::Se3;
 use stillpoint_map::{KeyframeId, MapView};
 
-/// Where a frame was taken from, in terms of the map: it follows every correction of the keyframes that it hangs on.
+/// Camera pose of a frame, expressed relative to a keyframe so that it follows corrections of the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AnchoredPose {
-    /// The keyframe that the frame itself became, if it did. Once the map holds it, its own pose, which bundle adjustment keeps
-    /// improving, is better than anything that was measured before.
+    /// The keyframe made from this frame, if any. While the map holds it, its optimised pose replaces the tracked one.
     pub keyframe: Option<KeyframeId>,
-    /// The keyframe that the pose was measured from.
+    /// Keyframe relative to which the pose was measured.
     pub reference: KeyframeId,
-    /// The pose relative to it.
+    /// Camera pose in the reference keyframe.
     pub reference_from_camera: Se3,
-    /// The pose as known when it was measured.
+    /// World pose at the time of measurement.
     pub online_world_from_camera: Se3,
 }
 
 impl AnchoredPose {
-    /// The pose in a version of the map; none for as long as that holds neither keyframe. Culled keyframes resolve through their
-    /// tombstones.
+    /// World pose in this version of the map, or `None` if it holds neither keyframe. Culled keyframes resolve through
+    /// their tombstones.
     #[must_use]
     pub fn world_from_camera_in(&self, view: &MapView) -> Option<Se3> {
         let own = self.keyframe.and_then(|id| view.world_from_keyframe(id));
@@ -29,7 +28,7 @@ impl AnchoredPose {
         })
     }
 
-    /// The pose in a version of the map, or as known when it was measured where that holds neither keyframe.
+    /// World pose in this version of the map, or the pose at measurement time if it holds neither keyframe.
     #[must_use]
     pub fn best_world_from_camera(&self, view: &MapView) -> Se3 {
         let pose = self.world_from_camera_in(view);
@@ -72,7 +71,7 @@ mod tests {
         assert_eq!(x(&own, &map), 0.4);
         add(&mut map, 0, None, 1.0);
         assert_eq!([x(&plain, &map), x(&own, &map)], [1.5, 1.5]);
-        // Refined by the mapper: no longer where it was measured.
+        // The mapper refined the keyframe's own pose.
         add(&mut map, 5, Some(0), 1.53);
         assert_eq!([x(&plain, &map), x(&own, &map)], [1.5, 1.53]);
     }

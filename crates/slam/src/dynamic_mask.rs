@@ -1,7 +1,7 @@
-//! The static filter as a product of its own: which pixels of a stream move, without any SLAM on top.
+//! The static filter on its own: detects moving pixels in a stream of frames without SLAM.
 //!
-//! Answers, frame by frame: a mask, verdicts for any pixels, and the objects that move. Takes frames and, where there are some,
-//! the user's own poses and boxes. Builds no map, closes no loops and remembers the last three seconds only.
+//! Gives a mask, verdicts for arbitrary pixels and the moving objects of each frame. Optionally takes poses and
+//! detections of the caller. Keeps the last three seconds; builds no map.
 
 use crate::config::Config;
 use crate::gate::{FrameGate, RefusedFrame};
@@ -13,13 +13,13 @@ use stillpoint_detection::{Detections, Object};
 use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{FrameId, GrayImage, RgbdFrame, Simd, Workers};
 
-/// Why a [`DynamicMask`] cannot be made of a configuration.
+/// Why a [`DynamicMask`] cannot be created from a configuration.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum MaskError {
     /// Values out of range.
     Config(ConfigError),
-    /// A preset that knows no regions of the image; it is given back.
+    /// The given preset does not segment the image.
     Preset(Preset),
 }
 
@@ -37,7 +37,7 @@ impl std::fmt::Display for MaskError {
 
 impl std::error::Error for MaskError {}
 
-/// What moves in a stream of frames.
+/// Detects moving regions in a stream of frames.
 ///
 /// ```no_run
 /// use stillpoint_geometry::Camera;
@@ -57,29 +57,28 @@ pub struct DynamicMask {
     gate: FrameGate,
     tracker: Tracker,
     next: FrameId,
-    /// What was found in the last frame.
     last: Option<MovingThings>,
 }
 
-/// What moves in one frame.
+/// Moving regions and objects of one frame.
 #[derive(Clone, Debug)]
 pub struct MovingThings {
     /// The frame.
     pub frame: Arc<RgbdFrame>,
-    /// The camera's pose that the verdicts rest on: the user's where one was given, else by what stands still in the image, relative to
-    /// the first frame, with the drift of a camera that is followed from frame to frame. `None` where it is not known; then nothing is said
-    /// to move. After a loss of ten frames it starts over at the origin.
+    /// Camera pose underlying the verdicts: the caller's if given, else from the static part of the image, relative to
+    /// the first frame and with the drift of frame-to-frame odometry. `None` if unknown; then nothing is marked as
+    /// moving. After ten lost frames it restarts at the origin.
     pub world_from_camera: Option<Se3>,
     /// Verdicts of the filter's own keypoints.
     pub verdicts: Arc<[FeatureVerdict]>,
-    /// The objects that the boxes are of, in the camera's world.
+    /// Tracked objects of the detections, in the world frame of the camera pose.
     pub objects: Arc<[Object]>,
-    /// The regions that move, by cells of the image.
+    /// Moving regions, by image cell.
     pub segments: Segments,
 }
 
 impl MovingThings {
-    /// The mask: 255 where the scene moves, 0 where it stands still or nothing is known: [`Segments::mask`].
+    /// Mask with 255 where the scene moves and 0 where it is static or unknown; see [`Segments::mask`].
     #[must_use]
     pub fn mask(&self) -> GrayImage {
         self.segments.mask(&self.frame)
@@ -87,11 +86,12 @@ impl MovingThings {
 }
 
 impl DynamicMask {
-    /// A filter for the frames of one camera. Of the configuration, what is about features, sensor, tracking, static filter, objects and
-    /// motion weights is used.
+    /// Creates a filter for one camera. Uses the settings of features, sensor, tracking, static filter, objects and
+    /// motion weights.
     ///
     /// # Errors
-    /// [`MaskError`] for values out of range, for cameras as [`crate::Stages::new`] refuses them, and for presets other than `default`.
+    /// [`MaskError`] for values out of range, for cameras that [`crate::Stages::new`] refuses, and for presets other
+    /// than `default`.
     pub fn new(config: &Config, camera: Camera, simd: Simd) -> Result<Self, MaskError> {
         config.validate().map_err(MaskError::Config)?;
         check_camera(&camera).map_err(MaskError::Config)?;
@@ -106,23 +106,24 @@ impl DynamicMask {
         })
     }
 
-    /// The filter with threads that share the work on a frame. What it finds is the same, bit for bit.
+    /// Shares the work on a frame among threads. Results stay bit-identical.
     #[must_use]
     pub fn with_workers(mut self, workers: Workers) -> Self {
         self.tracker = self.tracker.with_workers(workers);
         self
     }
 
-    /// Takes what a detector of the user's sees: before [`Self::step`] for the frame to come, or for a frame of the last three seconds.
+    /// Adds detections of the caller: before [`Self::step`] for the next frame, or for a frame of the last three
+    /// seconds.
     pub fn detections(&mut self, detections: Detections) {
         self.tracker.take_detections(detections, self.next);
     }
 
-    /// Looks at a frame. With a pose of the user's (`world_from_camera`, at the frame's colour stamp) the camera's motion is taken from
-    /// there; give one for every frame or for none. A pose that is not finite counts as none.
+    /// Processes a frame. If `world_from_camera` (at the colour stamp) is given, it replaces the estimated camera
+    /// motion; give it for every frame or for none. A non-finite pose counts as none.
     ///
     /// # Errors
-    /// [`RefusedFrame`] for a frame that does not follow the one before or does not fit the camera; it changes nothing.
+    /// [`RefusedFrame`] for a frame that is out of order or does not fit the camera; it changes nothing.
     pub fn step(
         &mut self,
         frame: &Arc<RgbdFrame>,
@@ -143,8 +144,8 @@ impl DynamicMask {
         Ok(found)
     }
 
-    /// What the filter says of any raw pixels of the last frame, such as the keypoints of another system; empty before the first one. It agrees with the
-    /// mask. Where there is no depth within a pixel, nothing is known and the verdict is static.
+    /// Verdicts for arbitrary raw pixels of the last frame, such as keypoints of another system; empty before the first
+    /// frame. They agree with the mask. Without depth within a pixel, the verdict is static.
     #[must_use]
     pub fn verdicts(&self, pixels: &[[f32; 2]]) -> Vec<FeatureVerdict> {
         let Some(last) = &self.last else {

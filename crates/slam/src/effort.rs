@@ -1,18 +1,18 @@
-//! How much work goes into a frame and into a keyframe, and what it costs.
+//! Work per frame and keyframe, and its cost.
 //!
-//! Answers: which counts (keypoints, neighbours, keyframes in bundle adjustment) fit a given time. The inline driver plans with a
-//! fixed table, so that a run stays the same on every machine; the live driver measures, and its log keeps what it decided.
+//! Chooses counts (keypoints, neighbours, keyframes in bundle adjustment) that fit a given time. The inline driver uses
+//! a fixed cost table, so that runs are reproducible on any machine; the live driver measures and logs its decisions.
 
 use crate::config::Config;
 use crate::mapping::MappingEffort;
 
-/// Fewest keypoints per image that a plan goes down to: with fewer, people who come into the image leave too little to hold on to
+/// Minimum number of keypoints per image in a plan: with fewer, too few static ones remain when people enter the image,
 /// before tracking can ask for more (docs/decisions/0017).
 pub const MIN_FEATURES: u32 = 500;
-/// Fewest neighbours of a keyframe that a plan goes down to, a number: chosen, so that landmarks are still made and fused across more than one pair
-/// of keyframes.
+/// Minimum number of neighbours of a keyframe in a plan: chosen, so that landmarks are still made and fused across more
+/// than one pair of keyframes.
 const MIN_NEIGHBOURS: u32 = 2;
-/// Fewest keyframes in local bundle adjustment that a plan goes down to, a number: the new one, and as many others as [`MIN_NEIGHBOURS`]; chosen.
+/// Minimum number of keyframes in local bundle adjustment in a plan: the new one and [`MIN_NEIGHBOURS`] others; chosen.
 const MIN_WINDOW: u32 = 3;
 
 impl MappingEffort {
@@ -22,8 +22,8 @@ impl MappingEffort {
         config.mapping.effort()
     }
 
-    /// The effort when `waiting` other keyframes want to be next: as much as for one, shared among them, but no less than
-    /// what holds the map together.
+    /// The effort while `waiting` other keyframes are queued: an equal share, but at least the minimum that keeps the
+    /// map connected.
     #[must_use]
     pub fn shared(self, waiting: usize) -> Self {
         let share = |all: u32, least: u32| {
@@ -37,32 +37,32 @@ impl MappingEffort {
     }
 }
 
-/// What the work costs, ms of one thread.
+/// Cost of the work, ms of one thread.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CostTable {
-    /// Tracking a frame, whatever its number of keypoints: pyramid, corners, segments.
+    /// Tracking a frame, independent of its number of keypoints: pyramid, corners, segments.
     pub frame: f64,
     /// Per keypoint: description, flow, filter, matching, pose.
     pub feature: f64,
-    /// Mapping a keyframe without neighbours and adjustment.
+    /// Mapping a keyframe, without neighbours and adjustment.
     pub keyframe: f64,
     /// Per neighbour of a keyframe.
     pub neighbour: f64,
     /// Local bundle adjustment, per free keyframe.
     pub window: f64,
-    /// Keyframes per frame, where people walk.
+    /// Keyframes per frame in scenes with people walking.
     pub keyframe_share: f64,
     /// Detection in one image.
     pub detection: f64,
 }
 
 impl CostTable {
-    /// What OpenCV's ORB with 1000 features takes where [`Self::REFERENCE`] holds, ms: measured with one thread on the two-core x86-64 server of that
-    /// table.
+    /// Time of OpenCV's ORB with 1000 features on the machine of [`Self::REFERENCE`], ms: measured with one thread on
+    /// the two-core x86-64 server of that table.
     pub const REFERENCE_UNIT_MS: f64 = 8.0;
 
-    /// Medians of `stillpoint run` with 500 and 1000 features, and with windows of 4 to 20 keyframes and 4 and 10 neighbours, on a two-core
-    /// x86-64 server on which OpenCV's ORB (1000 features, one thread) takes 8 ms.
+    /// Medians of `stillpoint run` with 500 and 1000 features, and with windows of 4 to 20 keyframes and 4 and 10
+    /// neighbours, on a two-core x86-64 server on which OpenCV's ORB (1000 features, one thread) takes 8 ms.
     pub const REFERENCE: Self = Self {
         frame: 5.5,
         feature: 0.0055,
@@ -73,7 +73,7 @@ impl CostTable {
         detection: 52.0,
     };
 
-    /// Mean time per frame, ms: tracking, and the frame's share in mapping.
+    /// Mean time per frame, ms: tracking plus the frame's share of mapping.
     #[must_use]
     pub fn per_frame(&self, features: u32, mapping: MappingEffort) -> f64 {
         let keyframe = self.keyframe
@@ -83,24 +83,24 @@ impl CostTable {
     }
 }
 
-/// Counts that fit a time.
+/// Counts that fit a time budget.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
-    /// Keypoints wanted per image; tracking asks for more where few hold on to the map.
+    /// Keypoints per image; tracking asks for more when few are matched to the map.
     pub features: u32,
     /// Work per keyframe.
     pub mapping: MappingEffort,
-    /// The detector looks at every so many frames.
+    /// The detector processes every n-th frame.
     pub detector_stride: u32,
-    /// What this costs per frame by the table, ms; detection, which has its own thread, is not part of it.
+    /// Estimated cost per frame, ms, without detection, which runs in its own thread.
     pub per_frame_ms: f64,
-    /// Whether that fits: false when even the least does not.
+    /// Whether the budget is met; false if even the minimum exceeds it.
     pub fits: bool,
 }
 
 impl Plan {
-    /// The most work that fits into `budget_ms` per frame by a table, up to what is configured. Tracking and mapping give in the same
-    /// share; the detector looks at so few frames that it takes as long as the budget in the mean.
+    /// The most work, up to the configured one, that fits into `budget_ms` per frame. Tracking and mapping are reduced
+    /// by the same share; the detector stride keeps its mean cost within the budget.
     #[must_use]
     pub fn new(config: &Config, budget_ms: f64, costs: &CostTable) -> Self {
         let most = MappingEffort::of(config);
@@ -118,7 +118,7 @@ impl Plan {
         };
         let percent = (0..=100).rev().find(|p| at(*p).2 <= budget_ms);
         let (features, mapping, per_frame_ms) = at(percent.unwrap_or(0));
-        // Out of range (also for no or a negative budget) the cast saturates.
+        // The cast saturates for zero and negative budgets.
         let stride = libm::ceil(costs.detection / budget_ms.max(1e-3)) as u32;
         Self {
             features,
@@ -129,7 +129,7 @@ impl Plan {
         }
     }
 
-    /// A configuration with these counts.
+    /// The configuration with the counts of this plan.
     #[must_use]
     pub fn apply(&self, config: &Config) -> Config {
         let mut config = config.clone();

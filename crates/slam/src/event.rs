@@ -1,25 +1,24 @@
-//! What the system says about each frame. Events are values: tests, reports and viewers read the same ones.
+//! Events of the system, as values shared by tests, reports and viewers.
 //!
 //! # Order
-//! Every event but [`Event::Refused`] belongs to one entry of the run log ([`LogEntry`](crate::LogEntry)), and an entry has one event
-//! at most:
+//! Every event but [`Event::Refused`] belongs to one entry of the run log ([`LogEntry`](crate::LogEntry)); an entry has
+//! at most one event:
 //!
 //! | entry | event |
 //! |---|---|
 //! | the tracker takes detections | [`Event::Detected`] or [`Event::DetectorFailed`] |
 //! | the tracker takes a frame | [`Event::Frame`] |
 //! | the mapper takes a keyframe | [`Event::Mapped`] |
-//! | the mapper learns what moves in a keyframe | [`Event::Rejudged`] |
-//! | the mapper takes back the beginning of a map | [`Event::Revoked`] |
+//! | the mapper takes late verdicts on a keyframe | [`Event::Rejudged`] |
+//! | the mapper revokes the beginning of a map | [`Event::Revoked`] |
 //! | the mapper takes a correction | [`Event::Corrected`] |
 //! | the loop closer takes a keyframe | [`Event::Looped`], when a place was recognised |
 //!
-//! In all drivers, (1) the events of one stage come in the order in which it took its messages, and (2) an event comes after those
-//! of everything that it depends on: detections before the frame that they were used for, a frame before the
-//! [`Event::Mapped`] of its keyframe, that before the frames tracked in its view and before the [`Event::Looped`] of its keyframe, a
-//! loop before its [`Event::Corrected`]. [`System`](crate::System) and [`Replay`](crate::Replay) give the events in the order of the
-//! log. In a live run stages work at the same time: events that do not depend on each other come as they happen there, so that no
-//! frame waits for a slow map.
+//! In all drivers, (1) events of one stage come in the order in which it took its messages, and (2) an event comes
+//! after those it depends on: detections before the frame that used them, a frame before the [`Event::Mapped`] of its
+//! keyframe, that before the frames tracked in its view and before the [`Event::Looped`] of its keyframe, a loop before
+//! its [`Event::Corrected`]. [`System`](crate::System) and [`Replay`](crate::Replay) give events in log order. In a
+//! live run stages work in parallel: independent events come as they happen, so that no frame waits for the map.
 
 use crate::gate::RefusedFrame;
 use crate::health::Health;
@@ -32,44 +31,45 @@ use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::MapView;
 
-/// What happened in one step of the system.
+/// An event of one step of the system.
 #[derive(Clone)]
 pub enum Event {
-    /// A frame went through tracking. Exactly one per frame that was not refused (nor dropped, in a live run).
+    /// A frame was tracked. One per frame that was not refused (nor dropped, in a live run).
     Frame(Arc<FrameEvent>),
-    /// A frame came twice or out of order, or does not fit the camera: it was not looked at, and changed nothing.
+    /// A frame was repeated, out of order or did not fit the camera. It was ignored.
     Refused(RefusedFrame),
     /// The mapper took a keyframe and published a new version of the map.
     Mapped {
-        /// What it did.
+        /// Mapping report.
         report: MappingReport,
         /// The new version.
         view: Arc<MapView>,
     },
-    /// The detector answered, as of the frame named in it.
+    /// Detections arrived for the frame they name.
     Detected(Detections),
-    /// The detector failed on a frame; tracking keeps using its earlier detections.
+    /// The detector failed on a frame; tracking keeps using earlier detections.
     DetectorFailed(DetectError),
-    /// Features of an earlier keyframe turned out to move: their landmarks were taken out.
+    /// Features of an earlier keyframe were found to be moving; their landmarks were removed.
     Rejudged {
-        /// What was taken out.
+        /// Removed landmarks.
         report: RejudgeReport,
         /// The new version of the map.
         view: Arc<MapView>,
     },
-    /// The first frames of a map turned out to have ridden on what moves: their keyframes were taken back, and the frames have other poses,
-    /// or none, in the trajectory.
+    /// The first poses of a map were found to follow a moving object: their keyframes were revoked, and their frames
+    /// have other poses, or none, in the trajectory.
     Revoked {
-        /// What was taken back.
+        /// Revoked keyframes.
         report: RevokeReport,
         /// The new version of the map.
         view: Arc<MapView>,
     },
-    /// A place was recognised, and a loop closed or set aside. What applying the correction did comes later: [`Event::Corrected`].
+    /// A place was recognised, and a loop closed or deferred. Applying the correction is reported later by
+    /// [`Event::Corrected`].
     Looped(Box<LoopReport>),
-    /// The correction of a loop is in the map: poses that were known before may have moved.
+    /// A loop correction was applied to the map; earlier poses may have changed.
     Corrected {
-        /// What moved.
+        /// Applied changes.
         report: CorrectionReport,
         /// The new version of the map.
         view: Arc<MapView>,
@@ -77,7 +77,7 @@ pub enum Event {
 }
 
 impl Event {
-    /// The frame that this event is about, if it is an [`Event::Frame`].
+    /// The [`FrameEvent`], if this is an [`Event::Frame`].
     #[must_use]
     pub fn as_frame(&self) -> Option<&FrameEvent> {
         match self {
@@ -86,7 +86,7 @@ impl Event {
         }
     }
 
-    /// The version of the map that this event brings.
+    /// The version of the map in this event.
     #[must_use]
     pub fn view(&self) -> Option<&Arc<MapView>> {
         match self {
@@ -100,7 +100,7 @@ impl Event {
 }
 
 impl MapperOut {
-    /// The event by which subscribers learn of it.
+    /// Converts to the event for subscribers.
     #[must_use]
     pub fn into_event(self) -> Event {
         let view = self.view;
@@ -113,7 +113,7 @@ impl MapperOut {
     }
 }
 
-/// Without images and maps: of these only the numbers.
+/// Without images and maps.
 impl std::fmt::Debug for Event {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -130,15 +130,15 @@ impl std::fmt::Debug for Event {
     }
 }
 
-/// A frame that went through tracking.
+/// A tracked frame.
 #[derive(Clone)]
 pub struct FrameEvent {
-    /// The frame itself. None only for a subscriber of a live run that asked for no images, or that so many wait for that this
-    /// one would be one too many.
+    /// The frame itself. `None` only for a subscriber of a live run that did not ask for images or already has too many
+    /// queued.
     pub frame: Option<Arc<RgbdFrame>>,
-    /// What became of it.
+    /// Tracking report.
     pub report: FrameReport,
-    /// How well things stand at it.
+    /// Tracking quality at this frame.
     pub health: Health,
 }
 

@@ -1,50 +1,47 @@
-//! What the tracker saw of a frame beside its pose: what the quality of the pose is judged by.
-//!
-//! Answers: how many matches agreed, where in the image they lie, how certain the pose is. Draws no conclusions, which is the
-//! business of [`HealthMonitor`](crate::HealthMonitor).
+//! Tracking statistics of a frame, from which [`HealthMonitor`](crate::HealthMonitor) judges the quality of its pose.
 
 use stillpoint_geometry::Mat6;
 use stillpoint_map::{KeyframeData, KeyframeId};
 
-/// What tracking notes of a frame on its way.
+/// Tracking statistics of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evidence {
-    /// Whether the static filter was asked.
+    /// Whether the static filter ran.
     pub judged: bool,
-    /// Matches that the pose was sought from.
+    /// Matches used to estimate the pose.
     pub matched: u32,
-    /// Of these, the ones that agree with it.
+    /// Inliers among them.
     pub agreed: u32,
-    /// Where they lie.
+    /// Image cells with inliers.
     pub cells: Cells,
-    /// Inverse covariance of the pose, as a twist `[translation; rotation]` in the axes of the camera (m, rad); none where no
-    /// pose was optimised.
+    /// Inverse covariance of the pose, as a twist `[translation; rotation]` in camera axes (m, rad); `None` if no pose
+    /// was optimised.
     pub information: Option<Mat6>,
-    /// How the matches that tell it scatter; none where others than matches do.
+    /// Scatter of the matches; `None` if the pose does not come from matches.
     pub scatter: Option<Scatter>,
-    /// The keyframe that the pose was measured from.
+    /// Keyframe relative to which the pose was measured.
     pub reference: Option<KeyframeId>,
-    /// Whether there was a map to be tracked in.
+    /// Whether a map existed.
     pub has_map: bool,
 }
 
-/// How the matches of a pose scatter about it.
+/// Scatter of the matches of a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scatter {
-    /// Mean squared residual of their pixel coordinates, by the variance that was stated.
+    /// Mean squared residual of their pixel coordinates, relative to the stated variance.
     pub variance: f64,
     /// Number of matches.
     pub count: u32,
 }
 
-/// Which of the 8x6 cells of an image have an inlier: a set.
+/// The set of the 8x6 image cells that have an inlier.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cells(u64);
 
 impl Cells {
-    /// Cells across the image, a number: chosen, so that a cell is 80 px wide at 640x480, and all cells fit into 64 bits.
+    /// Cells across the image: chosen, so that a cell is 80 px wide at 640x480 and all cells fit into 64 bits.
     const COLUMNS: u32 = 8;
-    /// Cells down the image, a number: three quarters of [`Self::COLUMNS`], so that cells of an image of 4:3 are squares.
+    /// Cells down the image: three quarters of [`Self::COLUMNS`], so that cells of a 4:3 image are square.
     const ROWS: u32 = 6;
     /// Number of cells: the product of both, 48.
     pub const COUNT: u32 = Self::COLUMNS * Self::ROWS;
@@ -55,7 +52,7 @@ impl Cells {
         self.0.count_ones()
     }
 
-    /// The cells of the features for which `is_inlier` holds.
+    /// Cells of the features for which `is_inlier` holds.
     pub(crate) fn of(data: &KeyframeData, is_inlier: impl Fn(usize) -> bool) -> Self {
         let mut cells = Self::default();
         let (width, height) = (data.camera.width, data.camera.height);
@@ -67,10 +64,9 @@ impl Cells {
         cells
     }
 
-    /// Adds the cell of a raw pixel of an image of this size, px.
     fn add(&mut self, pixel: [f32; 2], width: u32, height: u32) {
         let cell = |at: f32, size: u32, cells: u32| {
-            // What lies outside counts as at the border; a cast takes what is negative or no number to 0.
+            // Pixels outside count to the border cells; the cast maps negative values and NaN to 0.
             let i = (at / size.max(1) as f32 * cells as f32) as u32;
             i.min(cells - 1)
         };
@@ -82,7 +78,6 @@ impl Cells {
 
 #[cfg(test)]
 impl Cells {
-    /// The cells of the bits that are set.
     pub(crate) fn of_bits(bits: u64) -> Self {
         Self(bits & ((1 << Self::COUNT) - 1))
     }

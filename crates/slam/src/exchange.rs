@@ -1,9 +1,8 @@
-//! The exchange: the stages of one run, and the messages between them.
+//! The stages of one run and the messages between them.
 //!
-//! Answers: what happens when a stage takes a message. It owns the stages and their inboxes, carries out one entry of a run log at a
-//! time, and says what happened. When an entry is carried out is not its business: a schedule decides that in
-//! [`System`](crate::System), a log in [`Replay`](crate::Replay), and threads in a live run, which have inboxes of their own and the
-//! same [`routing`].
+//! Owns the stages and their inboxes, executes one run-log entry at a time and returns its event. The order of entries
+//! comes from a schedule in [`System`](crate::System), from a log in [`Replay`](crate::Replay), and from threads in a
+//! live run, which has its own inboxes but the same [`routing`].
 
 use crate::event::Event;
 use crate::gate::RefusedFrame;
@@ -23,12 +22,12 @@ use stillpoint_imaging::{FrameId, RgbdFrame, Workers};
 use stillpoint_map::{Correction, KeyframeId, Map, MapView};
 use stillpoint_place::PlaceIndex;
 
-/// An entry takes a message that nobody sent.
+/// An entry takes a message that was not sent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NotSent {
-    /// What was to be taken.
+    /// The entry to execute.
     pub expected: Box<LogEntry>,
-    /// What waits in that inbox instead, if anything.
+    /// The next message in that inbox, if any.
     pub found: Option<Box<LogEntry>>,
 }
 
@@ -49,13 +48,13 @@ impl std::error::Error for NotSent {}
 /// | a stage takes | it may send | to |
 /// |---|---|---|
 /// | tracker: a frame | a keyframe | mapper |
-/// | | what is taken back of the beginning of the map | mapper |
-/// | tracker: the end of the stream | what is taken back of the beginning of the map | mapper |
-/// | tracker: detections | what moves in an earlier keyframe | mapper |
+/// | | a revocation of the beginning of the map | mapper |
+/// | tracker: the end of the stream | a revocation of the beginning of the map | mapper |
+/// | tracker: detections | verdicts on an earlier keyframe | mapper |
 /// | tracker: samples of an inertial sensor, or of odometry | nothing | |
 /// | mapper: any message | a view of the map | tracker |
-/// | | what it did | loop closer |
-/// | loop closer: any message | the known places | tracker |
+/// | | its report | loop closer |
+/// | loop closer: any message | the place index | tracker |
 /// | | a correction | mapper |
 pub struct Exchange {
     stages: Stages,
@@ -64,12 +63,11 @@ pub struct Exchange {
     for_loop_closer: VecDeque<LoopCloserMsg>,
     views: Numbered<Arc<MapView>>,
     places: Numbered<PlaceIndex<KeyframeId>>,
-    /// The newest version of the map.
     view: Arc<MapView>,
     loops: Loops,
 }
 
-/// Answers by their numbers, of which newer ones replace older ones.
+/// Numbered replies; taking one discards the older ones.
 struct Numbered<T> {
     next: u64,
     waiting: VecDeque<(u64, T)>,
@@ -90,7 +88,7 @@ impl<T> Numbered<T> {
         self.next += 1;
     }
 
-    /// The answer with this number; those before it are gone then.
+    /// Takes the reply with this number and drops all earlier ones.
     fn take(&mut self, number: u64) -> Option<T> {
         while let Some((n, value)) = self.waiting.pop_front() {
             if n == number {
@@ -102,7 +100,6 @@ impl<T> Numbered<T> {
 }
 
 impl From<Stages> for Exchange {
-    /// The exchange before the first frame.
     fn from(stages: Stages) -> Self {
         Self {
             view: stages.tracker.view(),
@@ -118,22 +115,22 @@ impl From<Stages> for Exchange {
 }
 
 impl Exchange {
-    /// The exchange with threads that share the work on a frame: see [`Tracker::with_workers`](crate::Tracker::with_workers). To be called before the
-    /// first frame.
+    /// Shares the work on a frame among threads, see [`Tracker::with_workers`](crate::Tracker::with_workers). Call
+    /// before the first frame.
     #[must_use]
     pub fn with_workers(self, workers: Workers) -> Self {
         Self::from(self.stages.with_workers(workers))
     }
 
-    /// The exchange with a map that is there already: see [`Stages::with_map`]. To be called before the first frame.
+    /// Starts from an existing map, see [`Stages::with_map`]. Call before the first frame.
     ///
     /// # Errors
-    /// [`StartError`] when nothing can be recognised in that map.
+    /// [`StartError`] if places of that map cannot be recognised.
     pub fn with_map(self, map: Map, map_use: MapUse) -> Result<Self, StartError> {
         Ok(Self::from(self.stages.with_map(map, map_use)?))
     }
 
-    /// Lets the next frame in, or says why not. To be asked before anything else is done with a frame.
+    /// Admits or refuses the next frame. Call before anything else is done with a frame.
     ///
     /// # Errors
     /// As [`FrameGate::admit`](crate::FrameGate::admit).
@@ -141,12 +138,12 @@ impl Exchange {
         self.stages.gate.admit(frame)
     }
 
-    /// Carries out one entry: a stage takes one message, and what it answers goes where it belongs. Says what happened; many
-    /// entries are no event. `frame` is the one that a [`LogEntry::TrackFrame`] names; other entries need none.
+    /// Executes one entry: a stage takes a message, and its replies go to the inboxes of their receivers. Returns the
+    /// event, if any. `frame` is required for [`LogEntry::TrackFrame`] only.
     ///
     /// # Errors
-    /// [`NotSent`] when the message that the entry names is not the next in that stage's inbox. Nothing was taken then, but for
-    /// views and places before the one that was named.
+    /// [`NotSent`] if the message is not the next in that stage's inbox. Then nothing was taken, except views and
+    /// places older than the one named.
     pub fn take(
         &mut self,
         entry: &LogEntry,
@@ -268,19 +265,19 @@ impl Exchange {
         out.report.map(|report| Event::Looped(Box::new(report)))
     }
 
-    /// The entry by which the mapper takes the next message of the tracker; none when nothing waits.
+    /// Entry for the mapper's next message from the tracker, if one is queued.
     #[must_use]
     pub fn next_for_mapper(&self) -> Option<LogEntry> {
         self.for_mapper.front().map(LogEntry::from)
     }
 
-    /// The entry by which the mapper takes the next correction; none when nothing waits.
+    /// Entry for the mapper's next correction, if one is queued.
     #[must_use]
     pub fn next_correction(&self) -> Option<LogEntry> {
         self.corrections.front().map(LogEntry::of_correction)
     }
 
-    /// The entry by which the loop closer takes its next message; none when nothing waits.
+    /// Entry for the loop closer's next message, if one is queued.
     #[must_use]
     pub fn next_for_loop_closer(&self) -> Option<LogEntry> {
         self.for_loop_closer
@@ -288,20 +285,20 @@ impl Exchange {
             .and_then(LogEntry::of_loop_closer)
     }
 
-    /// The entry by which the tracker hears that the stream is over; none when that changes nothing.
+    /// Entry that ends the stream for the tracker, or `None` if that has no effect.
     #[must_use]
     pub fn end_of_tracking(&self) -> Option<LogEntry> {
         let on_the_way = self.stages.retracer.is_on_the_way();
         on_the_way.then_some(LogEntry::TrackEnd)
     }
 
-    /// How many views the mapper has sent to the tracker; the newest has this number less one.
+    /// Number of views sent to the tracker; the newest has this number less one.
     #[must_use]
     pub fn views_sent(&self) -> u64 {
         self.views.next
     }
 
-    /// How many times the loop closer has sent its places to the tracker; the newest have this number less one.
+    /// Number of place indices sent to the tracker; the newest has this number less one.
     #[must_use]
     pub fn places_sent(&self) -> u64 {
         self.places.next
@@ -313,44 +310,44 @@ impl Exchange {
         &self.stages
     }
 
-    /// The frames tracked so far.
+    /// All tracked frames.
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
         self.stages.tracker.trajectory()
     }
 
-    /// The newest version of the map, whether the tracker has seen it yet or not.
+    /// The newest version of the map, which the tracker may not have received yet.
     #[must_use]
     pub fn view(&self) -> Arc<MapView> {
         Arc::clone(&self.view)
     }
 
-    /// All loop candidates so far and their outcomes, in the order of keyframes.
+    /// All loop candidates and their outcomes, in keyframe order.
     #[must_use]
     pub fn loops(&self) -> &[LoopReport] {
         self.loops.reports()
     }
 
-    /// When the parts of a frame are exposed, as estimated so far.
+    /// Estimated exposure timing.
     #[must_use]
     pub fn timing(&self) -> Timing {
         self.stages.tracker.timing()
     }
 
-    /// The map as the mapper has it: that of [`Exchange::view`].
+    /// The mapper's map, of which [`Exchange::view`] is a view.
     #[must_use]
     pub fn map(&self) -> &Map {
         self.stages.mapper.map()
     }
 
-    /// The map, when the run is over.
+    /// The map at the end of the run.
     #[must_use]
     pub fn into_map(self) -> Map {
         self.stages.mapper.into_map()
     }
 }
 
-/// Takes the first message of an inbox if it is the one that an entry names.
+/// Takes the first message of an inbox if it is the one named by the entry.
 fn take_named<M>(
     inbox: &mut VecDeque<M>,
     entry: &LogEntry,

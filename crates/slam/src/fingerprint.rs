@@ -1,9 +1,8 @@
-//! A number that tells values apart: 64-bit FNV-1a (Fowler, Noll, Vo). Against mistakes, not against malice.
+//! 64-bit FNV-1a hash (Fowler, Noll, Vo); not cryptographic.
 
 use stillpoint_geometry::Se3;
 
-/// A number that depends on every byte it was given, and on their order. Inputs that differ in one byte always give two
-/// numbers: each step is one-to-one.
+/// Hash of all bytes in order. Inputs that differ in one byte have different hashes, since each step is bijective.
 #[derive(Clone, Debug)]
 pub(crate) struct Fingerprint(u64);
 
@@ -28,7 +27,6 @@ impl Fingerprint {
         self.bytes(&number.to_le_bytes());
     }
 
-    /// Every bit of a pose.
     pub(crate) fn pose(&mut self, pose: &Se3) {
         for x in pose.rotation.coords.iter().chain(pose.translation.iter()) {
             self.number(x.to_bits());

@@ -1,31 +1,31 @@
-//! What became of a frame, in one word: the same in `frames.csv`, under pictures and on pages.
+//! State of a frame, as in `frames.csv` and reports.
 
 use crate::report::{FrameReport, Outcome};
 
-/// What became of a frame. The numbers are those of the columns of a page.
+/// State of a frame. The numbers are column numbers of a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum FrameState {
     /// No pose was found, or it was withdrawn.
     Lost = 0,
-    /// It began a map.
+    /// It started a map.
     Begun = 1,
     /// Its pose was measured.
     Tracked = 2,
-    /// The camera was found again.
+    /// The camera was relocalised.
     Relocalised = 3,
-    /// It has a pose, from a time at which it was undecided who moves.
+    /// It has a pose, but it was undecided whether that follows the static scene or a moving object.
     Undecided = 4,
-    /// Its direction was carried by a gyroscope, or its pose by wheels.
+    /// Its rotation was propagated by a gyroscope, or its pose by wheel odometry.
     Carried = 5,
 }
 
 impl FrameState {
-    /// Fewer landmarks may agree on a pose by chance, a number: such poses are not written, and their frames count as lost. ORB-SLAM2 (Mur-Artal and Tardos,
-    /// T-RO 2017) asks for as many in its local map.
+    /// Minimum number of inliers of a pose: poses with fewer may agree by chance; they are not written, and their
+    /// frames count as lost. As in the local map of ORB-SLAM2 (Mur-Artal and Tardos, T-RO 2017).
     pub const MIN_INLIERS: u32 = 30;
 
-    /// All states, by their numbers.
+    /// All states, by number.
     pub const ALL: [Self; 6] = [
         Self::Lost,
         Self::Begun,
@@ -35,7 +35,7 @@ impl FrameState {
         Self::Carried,
     ];
 
-    /// Its word.
+    /// Name of the state.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -48,7 +48,7 @@ impl FrameState {
         }
     }
 
-    /// From its word.
+    /// Parses a name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.name() == name)
@@ -56,7 +56,7 @@ impl FrameState {
 }
 
 impl FrameReport {
-    /// What became of the frame, as far as that is known at this frame.
+    /// The state, as far as known at this frame.
     #[must_use]
     pub fn state(&self) -> FrameState {
         let is_thin = self.counts.inliers < FrameState::MIN_INLIERS;
@@ -71,7 +71,7 @@ impl FrameReport {
         }
     }
 
-    /// Why its state is [`FrameState::Lost`]; none in other states.
+    /// Why the state is [`FrameState::Lost`]; `None` in other states.
     #[must_use]
     pub fn loss(&self) -> Option<String> {
         let lost = self.state() == FrameState::Lost;

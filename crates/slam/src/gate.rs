@@ -1,28 +1,27 @@
-//! Which frames of a stream are looked at: those that follow the one before, in number and time, and that fit the camera.
+//! Admission of frames: refuses repeated, out-of-order and badly stamped frames and those of a wrong size.
 //!
-//! Answers: whether a frame came twice, out of order, without a usable stamp or in another size. Drivers ask before a frame goes
-//! anywhere, so that a refused one changes nothing. Does not look at what a frame shows.
+//! Drivers check a frame here first, so that a refused one changes nothing.
 
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// Why a frame was not looked at.
+/// Why a frame was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum RefusalReason {
-    /// Its number is not greater than that of the frame before: it came twice, or out of order, or the source does not count.
+    /// Its number does not exceed that of the frame before: repeated, out of order, or the source does not count.
     Number {
-        /// The greatest number so far.
+        /// The greatest admitted number.
         newest: FrameId,
     },
-    /// Its stamp is not later than that of the frame before: it came twice or out of order, or the clock was set back.
+    /// Its stamp is not later than that of the frame before: repeated, out of order, or the clock was set back.
     Stamp {
         /// The stamp of the frame before, s.
         newest: f64,
     },
-    /// Its colour or depth stamp is no number.
+    /// Its colour or depth stamp is not a number.
     NoStamp,
-    /// Its grey or depth image is not of the camera's size.
+    /// Its grey or depth image does not have the camera's size.
     Size {
         /// Width and height of the camera, px.
         expected: [usize; 2],
@@ -33,14 +32,14 @@ pub enum RefusalReason {
     },
 }
 
-/// A frame that was not looked at. Everything is as if it had not come.
+/// A refused frame. It has no effect on the system.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefusedFrame {
-    /// Its number.
+    /// Frame number.
     pub frame: FrameId,
-    /// Its colour stamp, s.
+    /// Colour stamp, s.
     pub stamp: f64,
-    /// Why.
+    /// Reason.
     pub reason: RefusalReason,
 }
 
@@ -80,16 +79,15 @@ impl std::fmt::Display for RefusedFrame {
 
 impl std::error::Error for RefusedFrame {}
 
-/// Lets frames in that follow each other.
+/// Admits frames in order of number and time.
 ///
-/// A frame whose stamp is not later than the one before is refused. A second one in a row that is later than the first was not
-/// late by itself: the clock was set back, and frames follow its new time from there on.
+/// A frame whose stamp is not later than the last one is refused. If the next frame is later than the refused one but
+/// still not later than the last, the clock was set back, and frames follow the new time.
 #[derive(Clone, Debug)]
 pub struct FrameGate {
     size: [usize; 2],
-    /// The last frame that was let in.
     newest: Option<(FrameId, f64)>,
-    /// The stamp of the frame before, where that was refused for it.
+    /// Stamp of the frame before, if it was refused for its stamp.
     behind: Option<f64>,
 }
 
@@ -104,10 +102,10 @@ impl FrameGate {
         }
     }
 
-    /// Lets the next frame in, or says why not.
+    /// Admits or refuses the next frame.
     ///
     /// # Errors
-    /// [`RefusedFrame`] for a frame that does not follow the one before, has no stamps, or is not of the camera's size.
+    /// [`RefusedFrame`] for a frame that is out of order, has no stamps, or does not have the camera's size.
     pub fn admit(&mut self, frame: &RgbdFrame) -> Result<(), RefusedFrame> {
         self.check(frame).map_err(|reason| RefusedFrame {
             frame: frame.id,
@@ -165,7 +163,6 @@ mod tests {
         }
     }
 
-    /// The numbers that are let in.
     fn admitted(frames: &[(u32, f64)]) -> Vec<u32> {
         let mut gate = FrameGate::new(&camera());
         let fits = |(id, stamp): &&(u32, f64)| gate.admit(&frame(*id, *stamp)).is_ok();
@@ -174,10 +171,10 @@ mod tests {
 
     #[test]
     fn frames_that_came_twice_or_late_are_refused() {
-        // The same frame, and the same image with a new number.
+        // A repeated frame, and a repeated image with a new number.
         assert_eq!(admitted(&[(0, 0.0), (0, 0.0), (1, 0.1)]), [0, 1]);
         assert_eq!(admitted(&[(0, 0.0), (1, 0.0), (2, 0.1), (3, 0.1)]), [0, 2]);
-        // Late with its own number, late with a new one, and some in reverse order.
+        // Late with its own number, late with a new one, and several in reverse order.
         assert_eq!(
             admitted(&[(0, 0.0), (2, 0.2), (1, 0.1), (3, 0.3)]),
             [0, 2, 3]
@@ -190,7 +187,7 @@ mod tests {
             admitted(&[(0, 0.0), (1, 0.4), (2, 0.3), (3, 0.2), (4, 0.1), (5, 0.5)]),
             [0, 1, 5]
         );
-        // A source that does not count.
+        // All frames have the same number.
         assert_eq!(admitted(&[(7, 0.0), (7, 0.1), (7, 0.2)]), [7]);
     }
 
@@ -203,7 +200,7 @@ mod tests {
             let expected: Vec<u32> = (0..10).filter(|i| *i != 5).collect();
             assert_eq!(admitted(&frames), expected, "{back}");
         }
-        // Forward nothing is lost, and numbers never go back.
+        // A jump forward loses nothing; numbers must still increase.
         assert_eq!(admitted(&[(0, 0.0), (1, 9e9), (2, 9e9 + 1.0)]), [0, 1, 2]);
         assert_eq!(admitted(&[(8, 1.0), (0, 2.0), (1, 3.0)]), [8]);
     }

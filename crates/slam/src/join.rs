@@ -1,4 +1,4 @@
-//! Two maps as one.
+//! Merging of two maps.
 
 use crate::config::Config;
 use crate::looping::LoopCloser;
@@ -11,33 +11,34 @@ use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec3, so3};
 use stillpoint_map::{AppendError, KeyframeId, Map, MapView, SubmapId};
 
-/// What became of putting two maps together.
+/// Result of merging two maps.
 #[derive(Debug)]
 pub struct JoinedMaps {
-    /// Both maps, the second under new ids. In one frame of reference, that of the first, where places were recognised; else as
-    /// submaps of which nobody knows how they lie to each other.
+    /// Both maps, the second under new ids. They share the reference frame of the first if places were recognised;
+    /// otherwise they remain separate submaps.
     pub map: Map,
-    /// The places of the second that looked like places of the first, and what became of them.
+    /// Loop candidates between the second map and the first, with outcomes.
     pub reports: Vec<LoopReport>,
-    /// Submaps before, and submaps that are left.
+    /// Number of submaps before and after.
     pub submaps: [usize; 2],
-    /// What was added to the keyframe ids of the second: those of the first are below.
+    /// Offset added to the keyframe ids of the second map; ids of the first are below it.
     pub added: u32,
-    /// How the world of each of the two maps, the submap that began first, came to lie in that of the joined map; none where it became a submap of its own.
+    /// Pose of each map's oldest submap in the joined map; `None` if it remained a separate submap.
     pub placed: [Option<Placed>; 2],
 }
 
-/// How a map came to lie in another one.
+/// How a map was placed in another one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placed {
-    /// The rigid motion that fits its keyframes best.
+    /// Best-fitting rigid motion of its keyframes.
     pub joined_from_map: Se3,
-    /// How far from where that puts it a keyframe came to lie at most, m: keyframes are adjusted one by one. A turn counts as what it does at a depth of 2 m.
+    /// Largest deviation of a keyframe from that motion, m, since keyframes are adjusted individually. Rotations count
+    /// as their displacement at a depth of 2 m.
     pub bent: f64,
 }
 
 impl Placed {
-    /// By the keyframes of a map before and after, whose ids were raised.
+    /// From the keyframes of a map before and after, with ids raised by `added`.
     fn of(before: &MapView, after: &MapView, added: u32) -> Option<Self> {
         let world = after.keyframes().next()?.submap;
         let own = before.keyframes().next()?.submap;
@@ -49,7 +50,6 @@ impl Placed {
         Self::fitting(&pairs.collect::<Vec<_>>())
     }
 
-    /// The mean of turns and positions.
     fn fitting(pairs: &[(Se3, Se3)]) -> Option<Self> {
         let (first, count) = (pairs.first()?, pairs.len() as f64);
         let turn = |p: &(Se3, Se3)| p.1.rotation * p.0.rotation.inverse();
@@ -71,14 +71,15 @@ impl Placed {
 }
 
 impl JoinedMaps {
-    /// The world of the second map in that of the first, as the first was before: what was fused with either fits together by it.
+    /// World of the second map in that of the first, as the first was before. Applies to data registered with either
+    /// map.
     #[must_use]
     pub fn first_from_second(&self) -> Option<Se3> {
         let [first, second] = self.placed;
         Some(first?.joined_from_map.inverse() * second?.joined_from_map)
     }
 
-    /// How many submaps hold keyframes of both maps: none when nothing ties them.
+    /// Number of submaps with keyframes of both maps; 0 if the maps are not connected.
     #[must_use]
     pub fn shared_submaps(&self) -> usize {
         let mut of: BTreeMap<SubmapId, [bool; 2]> = BTreeMap::new();
@@ -89,11 +90,11 @@ impl JoinedMaps {
     }
 }
 
-/// Puts two maps together, as far as places of the second are recognised in the first: keyframe by keyframe, as if the camera
-/// that made the second went through the first once more.
+/// Merges two maps where places of the second are recognised in the first, keyframe by keyframe, as if the second map's
+/// camera revisited the first.
 ///
 /// # Errors
-/// [`AppendError`] when their features cannot be compared.
+/// [`AppendError`] if their features cannot be compared.
 pub fn join_maps(config: &Config, mut base: Map, other: &Map) -> Result<JoinedMaps, AppendError> {
     let mut loop_closer = LoopCloser::new(config);
     let first = base.publish();

@@ -1,8 +1,8 @@
-//! A set of landmarks that is filled and emptied again and again: a bit per id that was ever given, of which only those that were set are cleared.
+//! A reusable set of landmarks: a bit per id, of which clearing resets only those set.
 
 use stillpoint_map::LandmarkId;
 
-/// Some landmarks. Emptying it takes as long as filling it, however many ids there are.
+/// A set of landmarks whose clearing time depends only on its size.
 #[derive(Default)]
 pub(crate) struct LandmarkSet {
     bits: Vec<u64>,
@@ -10,7 +10,7 @@ pub(crate) struct LandmarkSet {
 }
 
 impl LandmarkSet {
-    /// Adds one; returns whether it is new.
+    /// Adds a landmark; returns whether it was new.
     #[inline]
     pub(crate) fn insert(&mut self, id: LandmarkId) -> bool {
         let (word, bit) = place(id);
@@ -25,14 +25,12 @@ impl LandmarkSet {
         is_new
     }
 
-    /// Whether it is in the set.
     #[inline]
     pub(crate) fn contains(&self, id: LandmarkId) -> bool {
         let (word, bit) = place(id);
         self.bits.get(word).is_some_and(|w| w & bit != 0)
     }
 
-    /// Takes all out.
     pub(crate) fn clear(&mut self) {
         for id in self.members.drain(..) {
             self.bits[place(id).0] = 0;
@@ -40,7 +38,6 @@ impl LandmarkSet {
     }
 }
 
-/// The word and the bit of a landmark.
 fn place(id: LandmarkId) -> (usize, u64) {
     (id.index() / 64, 1 << (id.index() % 64))
 }

@@ -1,8 +1,10 @@
-//! Entries for shortest paths in a graph (Dijkstra). A [`BinaryHeap`](std::collections::BinaryHeap) of them returns the least cost first.
+//! Queue entries for shortest paths in a graph (Dijkstra): a [`BinaryHeap`](std::collections::BinaryHeap) returns the
+//! least cost first.
 
 use std::cmp::Ordering;
 
-/// A node, the cost of the path to it, and a value for that path. The order is reversed: the least cost is the greatest, and of equals the least node.
+/// A node, the cost of the path to it, and a value for that path. The order is reversed: the least cost is the
+/// greatest; ties go to the least node.
 pub(crate) struct Reached<N, V = ()> {
     pub(crate) cost: f64,
     pub(crate) node: N,

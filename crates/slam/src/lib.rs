@@ -1,7 +1,7 @@
-//! The stages of the SLAM system, and the drivers that run them in one thread: [`System`], and [`Replay`] of a live run.
+//! The stages of the SLAM system, and the single-threaded drivers [`System`] and [`Replay`] (of a live run).
 //!
-//! Answers: where the camera is and what the map becomes, frame by frame. A frame goes through [`System::step`]; what
-//! happened comes back as [`Event`]s. Knows no files, clocks or threads.
+//! A frame goes through [`System::step`], which returns [`Event`]s with the camera's pose and changes of the map. No
+//! access to files, clocks or threads.
 
 mod anchored_pose;
 mod association;

@@ -1,21 +1,21 @@
-//! The loop candidates of a run, collected from its events.
+//! Collects the loop candidates of a run from its events.
 
 use crate::event::Event;
 use crate::report::{LoopOutcome, LoopReport};
 use crate::subscriber::Subscriber;
 
-/// Gathers the reports of loops, and what became of their corrections.
+/// Reports of loop candidates and their applied corrections.
 #[derive(Clone, Debug, Default)]
 pub struct Loops(Vec<LoopReport>);
 
 impl Loops {
-    /// All loop candidates so far and their outcomes, in the order of keyframes.
+    /// All loop candidates and their outcomes, in the order of keyframes.
     #[must_use]
     pub fn reports(&self) -> &[LoopReport] {
         &self.0
     }
 
-    /// The reports, when the run is over.
+    /// The reports at the end of the run.
     #[must_use]
     pub fn into_reports(self) -> Vec<LoopReport> {
         self.0
@@ -27,7 +27,7 @@ impl Subscriber for Loops {
         match event {
             Event::Looped(report) => self.0.push(report.as_ref().clone()),
             Event::Corrected { report, .. } => {
-                // Corrections are applied in the order of the loops that they close.
+                // Corrections are applied in the order of their loops.
                 let waits =
                     |l: &&mut LoopReport| l.outcome == LoopOutcome::Closed && l.applied.is_none();
                 if let Some(closed) = self.0.iter_mut().find(waits) {

@@ -1,23 +1,22 @@
-//! By how much two versions of the map differ: what a correction did, in numbers.
+//! Differences between two versions of the map.
 
 use stillpoint_map::MapView;
 
-/// By how much one version of the map differs from the one before.
+/// Difference between two versions of the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MapShift {
-    /// Keyframes in both whose pose is another.
+    /// Keyframes in both with changed poses.
     pub keyframes: u32,
-    /// Landmarks in both whose position is another.
+    /// Landmarks in both with changed positions.
     pub landmarks: u32,
-    /// Largest distance between the positions of a keyframe that was in the same submap before, m: those of others had a frame
-    /// of reference of their own.
+    /// Largest displacement of a keyframe that stayed in its submap, m; others changed their reference frame.
     pub farthest_m: f64,
-    /// Largest angle between the orientations of such a keyframe, rad.
+    /// Largest rotation of such a keyframe, rad.
     pub largest_turn_rad: f64,
 }
 
 impl MapShift {
-    /// What moved between two versions.
+    /// Compares two versions.
     #[must_use]
     pub fn between(before: &MapView, after: &MapView) -> Self {
         let mut shift = Self::default();
@@ -73,7 +72,6 @@ mod tests {
         };
         map.set_pose(KeyframeId(1), at(0.1, 0.3));
         map.set_pose(KeyframeId(2), at(0.2, 0.0));
-        // One that is new has not moved.
         map.insert_keyframe(KeyframeId(4), data, at(9.0, 0.0), Some(KeyframeId(0)));
         let shift = MapShift::between(&before, &map.publish());
         assert_eq!((shift.keyframes, shift.landmarks), (2, 0));

@@ -1,4 +1,4 @@
-//! What the stages send each other.
+//! Messages between the stages.
 
 use crate::evidence::Evidence;
 use crate::report::{
@@ -9,45 +9,45 @@ use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_map::{Correction, KeyframeData, KeyframeId, LandmarkId, MapView};
 use stillpoint_place::PlaceIndex;
 
-/// The tracker's answer to a frame.
+/// The tracker's reply to a frame.
 #[derive(Debug)]
 pub struct Tracked {
-    /// What became of the frame.
+    /// Tracking report.
     pub report: FrameReport,
-    /// The evidence from tracking, for callers that judge the quality of the pose.
+    /// Statistics from which callers judge the quality of the pose.
     pub evidence: Evidence,
-    /// The frame as a new keyframe, when the map needs it; or the one before, which began the map and waited for this frame.
+    /// The new keyframe, if the map needs one: this frame, or the one before if that started the map and waited for
+    /// this frame.
     pub keyframe: Option<NewKeyframe>,
 }
 
 impl Tracked {
-    /// Whether the frame was no new view.
     pub(crate) fn is_passed_over(&self) -> bool {
         self.report.still.is_some_and(|s| s.what.is_no_view())
     }
 }
 
-/// A frame that shall become a keyframe.
+/// A frame to be inserted as keyframe.
 #[derive(Clone, Debug)]
 pub struct NewKeyframe {
-    /// Its id.
+    /// Keyframe id.
     pub id: KeyframeId,
-    /// What it saw.
+    /// Features.
     pub data: Arc<KeyframeData>,
-    /// The keyframe it was tracked from; none for the first of a map.
+    /// Reference keyframe of tracking; `None` for the first of a map.
     pub reference: Option<KeyframeId>,
-    /// Its pose relative to that; in world coordinates when there is none.
+    /// Pose relative to the reference; in world coordinates without one.
     pub reference_from_camera: Se3,
-    /// Per feature, the landmark it observes.
+    /// Observed landmark of each feature.
     pub matches: Vec<Option<LandmarkId>>,
-    /// How often landmarks were expected and found since the last keyframe, by id.
+    /// Observation counts of landmarks since the last keyframe, sorted by id.
     pub statistics: Vec<LandmarkStatistic>,
-    /// What it was measured with.
+    /// Exposure assumed for the measurements.
     pub exposure: Exposure,
 }
 
 impl NewKeyframe {
-    /// These features make no landmarks.
+    /// Excludes features from creating landmarks.
     pub(crate) fn keep_out(&mut self, features: &[u32]) {
         let mappable = &mut Arc::make_mut(&mut self.data).mappable;
         for feature in features {
@@ -58,66 +58,66 @@ impl NewKeyframe {
     }
 }
 
-/// What was known of how a frame was exposed when its features were brought to its stamp.
+/// Velocity and readout with which features were corrected to the frame's stamp.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Exposure {
-    /// The camera's velocity, twist per second; none where it was not known, and nothing was brought anywhere.
+    /// Camera velocity, twist per second; `None` if unknown, and then features are uncorrected.
     pub velocity: Option<Vec6>,
-    /// The readout of the shutter, s.
+    /// Readout time of the shutter, s.
     pub readout: f64,
 }
 
-/// How often a landmark was expected to be seen, and was.
+/// Observation counts of a landmark.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LandmarkStatistic {
     /// The landmark.
     pub id: LandmarkId,
-    /// Frames in which it was in the field of view.
+    /// Frames with the landmark in the field of view.
     pub visible: u32,
     /// Frames in which it was matched as an inlier.
     pub found: u32,
     /// Frames in which the camera saw through its place.
     pub gone: u32,
-    /// How much the frames in which it was found say, in frames of 30 Hz: those of a faster camera each say less, those of a slower one more.
+    /// Weight of the frames in which it was found, in frames of 30 Hz, independent of the frame rate.
     pub found_worth: f32,
-    /// The same of the frames in which the camera saw through its place.
+    /// Likewise for the frames in which the camera saw through its place.
     pub gone_worth: f32,
 }
 
-/// What the mapper reads.
+/// Messages to the mapper.
 #[derive(Debug)]
 pub enum MapperMsg {
-    /// A frame to build into the map.
+    /// A frame to insert.
     Keyframe(Box<NewKeyframe>),
-    /// Features of a keyframe that lie on something that moves, as late detections tell.
+    /// Features of a keyframe that late detections show to be on moving objects.
     Rejudge {
         /// The keyframe.
         keyframe: KeyframeId,
         /// The features.
         features: Vec<u32>,
     },
-    /// The keyframes of the first frames of a map, as far as these turned out to have ridden on what moves.
+    /// Keyframes of the first frames of a map, whose poses followed a moving object.
     Revoke {
-        /// The first id that such a keyframe may have.
+        /// First id to revoke.
         first: KeyframeId,
-        /// The last one.
+        /// Last id to revoke.
         last: KeyframeId,
     },
-    /// What was found on an older version of the map.
+    /// A correction computed from an older version of the map.
     Correct(Correction),
 }
 
-/// What the mapper answers.
+/// The mapper's reply.
 #[derive(Clone, Debug)]
 pub struct MapperOut {
     /// The map after the message.
     pub view: Arc<MapView>,
-    /// What was done.
+    /// Report.
     pub report: MapperReport,
 }
 
 impl MapperOut {
-    /// The message about it to the loop closer.
+    /// The corresponding message to the loop closer.
     #[must_use]
     pub fn for_loop_closer(&self) -> LoopCloserMsg {
         let view = || Arc::clone(&self.view);
@@ -142,64 +142,64 @@ impl MapperOut {
     }
 }
 
-/// What the mapper did with a message.
+/// The mapper's report on a message.
 #[derive(Clone, Debug)]
 pub enum MapperReport {
-    /// It took a keyframe.
+    /// A keyframe was inserted.
     Mapped(MappingReport),
-    /// It took out what moves.
+    /// Moving features were removed.
     Rejudged(RejudgeReport),
-    /// It took keyframes back.
+    /// Keyframes were revoked.
     Revoked(RevokeReport),
-    /// It applied a correction.
+    /// A correction was applied.
     Corrected(CorrectionReport),
 }
 
-/// What the loop closer reads.
+/// Messages to the loop closer.
 #[derive(Clone, Debug)]
 pub enum LoopCloserMsg {
-    /// A keyframe that the map took.
+    /// A new keyframe of the map.
     Keyframe {
-        /// Its id.
+        /// Keyframe id.
         id: KeyframeId,
-        /// The first version of the map that holds it.
+        /// First version of the map with it.
         view: Arc<MapView>,
     },
-    /// A keyframe some of whose features turned out to move: they are no part of the place.
+    /// A keyframe some of whose features were found to move; they are excluded from the place.
     Rejudged {
-        /// Its id.
+        /// Keyframe id.
         id: KeyframeId,
-        /// The first version of the map that knows it.
+        /// First version of the map without them.
         view: Arc<MapView>,
     },
-    /// Keyframes that were taken back: what was learned by them means nothing.
+    /// Revoked keyframes, whose loops are discarded.
     Revoked {
-        /// The first id that one of them may have.
+        /// First revoked id.
         first: KeyframeId,
-        /// The last one.
+        /// Last revoked id.
         last: KeyframeId,
-        /// The first version of the map without them.
+        /// First version of the map without them.
         view: Arc<MapView>,
     },
-    /// A map that was there before the first frame.
+    /// A map that existed before the first frame.
     Known {
         /// The map.
         view: Arc<MapView>,
     },
-    /// The last correction is in the map.
+    /// The last correction was applied.
     Corrected {
-        /// The first version that holds it.
+        /// First version that contains it.
         map_version: u64,
     },
 }
 
-/// What the loop closer answers.
+/// The loop closer's reply.
 #[derive(Clone, Debug)]
 pub struct LoopCloserOut {
-    /// What is to be changed in the map, when a loop was closed.
+    /// The correction, if a loop was closed.
     pub correction: Option<Correction>,
-    /// What became of the place that was recognised; none when none was.
+    /// Report on the best candidate, if there was one.
     pub report: Option<LoopReport>,
-    /// The places that can be recognised by now, by keyframe.
+    /// The current place index, by keyframe.
     pub places: PlaceIndex<KeyframeId>,
 }

@@ -1,15 +1,15 @@
-//! How fast frames come, and how much one of them says: what was measured at 30 Hz holds at any rate.
+//! Weights frames by time, so that constants measured at 30 Hz hold at any frame rate.
 
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// Frames per second for which what a frame says was measured.
+/// Frame rate at which the weight of a frame was measured, Hz.
 pub(crate) const RATE: f64 = 30.0;
-/// What a frame says is at most this much, in frames of 30 Hz: after a gap it is still a single look. Chosen: each frame of a camera of 10 Hz counts
-/// in full.
+/// Maximum weight of a frame, in frames of 30 Hz: after a gap it is still a single observation. Chosen: each frame of a
+/// camera of 10 Hz counts in full.
 const MOST: f64 = 3.0;
 
-/// How much a frame says of what it shows, in frames of 30 Hz, from the time since the one before (s): twice as many looks at the same thing in the
-/// same time do not prove twice as much. Rounded to halves, so that jitter does not count.
+/// Weight of a frame as evidence, in frames of 30 Hz, from the time since the one before (s): twice the observations in
+/// the same time are not twice the evidence. Rounded to halves to ignore jitter.
 pub(crate) fn worth(seconds: Option<f64>) -> f32 {
     let frames = RATE * seconds.filter(|s| *s > 0.0).unwrap_or(1.0 / RATE);
     let rounded = if frames < 0.5 {
@@ -20,7 +20,6 @@ pub(crate) fn worth(seconds: Option<f64>) -> f32 {
     rounded.min(MOST) as f32
 }
 
-/// How fast frames come, from frame to frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Pace {
     last: Option<(FrameId, f64)>,
@@ -31,7 +30,8 @@ pub(crate) struct Pace {
 }
 
 impl Pace {
-    /// Takes a frame. A frame that was dropped makes the next one no better a look, so that the shorter of the last two gaps counts.
+    /// Takes a frame. Uses the shorter of the last two gaps, so that a dropped frame does not raise the weight of the
+    /// next.
     pub(crate) fn next(&mut self, frame: &RgbdFrame) {
         let since = |(id, stamp): (FrameId, f64)| {
             (frame.stamp - stamp) / f64::from(frame.id.0.saturating_sub(id.0).max(1))
@@ -46,7 +46,6 @@ impl Pace {
         self.worth = worth(shorter);
     }
 
-    /// The [`worth`] of the last frame.
     pub(crate) fn worth(&self) -> f32 {
         self.worth
     }
@@ -100,13 +99,13 @@ mod tests {
             frames.iter().map(worth).collect()
         };
         let dt = 1.0 / 30.0;
-        // Missing in the recording, and left out by a live run, which numbers what it leaves out.
+        // Frames missing in the recording, and frames dropped (but numbered) in a live run.
         assert_eq!(
             worths(&[(0, 0.0), (1, dt), (2, 3.0 * dt), (3, 4.0 * dt)]),
             [1.0; 4]
         );
         assert_eq!(worths(&[(0, 0.0), (4, 4.0 * dt), (6, 6.0 * dt)]), [1.0; 3]);
-        // Another pace is taken up with the second gap, and a clock that is set back says nothing.
+        // A change of rate takes effect at the second gap; a clock set back has no effect.
         assert_eq!(
             worths(&[(0, 0.0), (1, dt), (2, 3.0 * dt), (3, 5.0 * dt)]),
             [1.0, 1.0, 1.0, 2.0]

@@ -1,13 +1,13 @@
-//! Memory that is used again: tracking a frame asks the allocator for nothing once it runs steadily. What is reused holds nothing that is known.
+//! Reuse of buffers, so that tracking allocates nothing per frame once running.
 
 use std::sync::Arc;
 
-/// A shared value that `fill` makes, in the memory of a `spent` one where nobody else holds that any more.
+/// A shared value written by `fill`, in the memory of `spent` if that has no other owner.
 pub(crate) fn refill<T: Default>(spent: Option<Arc<T>>, fill: impl FnOnce(&mut T)) -> Arc<T> {
     refill_or(spent, T::default, fill)
 }
 
-/// The same where nothing is no default.
+/// Likewise for types without a default.
 pub(crate) fn refill_or<T>(
     spent: Option<Arc<T>>,
     nothing: impl FnOnce() -> T,
@@ -24,12 +24,11 @@ pub(crate) fn refill_or<T>(
     Arc::new(value)
 }
 
-/// Lists that nobody needs any more.
 #[derive(Clone, Debug)]
 pub(crate) struct Lists<T>(Vec<Vec<T>>);
 
-/// Lists kept at most, a number: more are in use at once in no frame. Measured: a steady frame asks the allocator only for what leaves with its
-/// report (docs/scale.md).
+/// Maximum number of pooled lists: no frame uses more at once. Measured: a steady frame allocates only memory that
+/// leaves with its report (docs/scale.md).
 const MOST: usize = 8;
 
 impl<T> Default for Lists<T> {
@@ -39,12 +38,10 @@ impl<T> Default for Lists<T> {
 }
 
 impl<T> Lists<T> {
-    /// An empty list.
     pub(crate) fn take(&mut self) -> Vec<T> {
         self.0.pop().unwrap_or_default()
     }
 
-    /// Takes a list back.
     pub(crate) fn give(&mut self, mut list: Vec<T>) {
         if self.0.len() < MOST && list.capacity() > 0 {
             list.clear();

@@ -1,8 +1,7 @@
-//! Replay: runs again what threads and clocks decided, from the log of a run.
+//! Deterministic replay of a run from its log.
 //!
-//! Answers: what the stages said when they took these messages in this order. The same stages, frames and log give the same
-//! events, trajectory and map as the run that left the log, bit for bit; no network is needed, since what the detector said
-//! is in the log.
+//! The same stages, frames and log reproduce the events, trajectory and map of the logged run bit for bit. Detections
+//! are read from the log.
 
 use crate::event::Event;
 use crate::exchange::{Exchange, NotSent};
@@ -16,15 +15,15 @@ use std::sync::Arc;
 use stillpoint_imaging::{FrameId, FrameSource, RgbdFrame, SourceError};
 use stillpoint_map::{Map, MapView};
 
-/// A log cannot be run again.
+/// Why a log cannot be replayed.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum ReplayError {
-    /// The log was made with another configuration, camera or first map.
+    /// The log belongs to another configuration, camera or initial map.
     OtherStages,
     /// The source has no such frame.
     NoFrame {
-        /// Number of the entry, from 0.
+        /// Index of the entry.
         entry: usize,
         /// The frame.
         frame: FrameId,
@@ -33,14 +32,14 @@ pub enum ReplayError {
     },
     /// The source failed.
     Source(SourceError),
-    /// The entry takes a message that nobody sent: these are not the frames or not the program of that run.
+    /// The entry takes a message that was not sent: the frames or the program differ from those of the run.
     NotSent {
-        /// Number of the entry, from 0.
+        /// Index of the entry.
         entry: usize,
-        /// What was taken, and what was sent instead.
+        /// The expected and the found message.
         error: NotSent,
     },
-    /// All messages were taken, and another trajectory came out.
+    /// All entries were executed, but the trajectory differs.
     OtherTrajectory,
 }
 
@@ -74,19 +73,18 @@ impl std::fmt::Display for ReplayError {
 
 impl std::error::Error for ReplayError {}
 
-/// Runs a log again: an [`Exchange`] that carries out its entries, one after the other.
+/// Replays a log by executing its entries on an [`Exchange`].
 pub struct Replay {
     exchange: Exchange,
     log: RunLog,
-    /// Number of the next entry.
     at: usize,
 }
 
 impl Replay {
-    /// A replay of a log by stages that are as those of the run were before its first frame.
+    /// Creates a replay; `stages` must equal those of the run before its first frame.
     ///
     /// # Errors
-    /// [`ReplayError::OtherStages`] when they are not.
+    /// [`ReplayError::OtherStages`] if they do not.
     pub fn new(stages: Stages, log: RunLog) -> Result<Self, ReplayError> {
         if stages.fingerprint() != log.fingerprint {
             return Err(ReplayError::OtherStages);
@@ -98,11 +96,11 @@ impl Replay {
         })
     }
 
-    /// Carries out the next entry, for which the source is asked if it is a frame, and says what happened: one event at most. `None`
-    /// when there is no further entry. The source yields the frames of the run and may yield others between them.
+    /// Executes the next entry, reading its frame from the source if needed, and returns its event, if any. `None` at
+    /// the end of the log. The source must yield the frames of the run, and may yield others between them.
     ///
     /// # Errors
-    /// [`ReplayError`] when the log does not fit the frames. The replay cannot be resumed after that.
+    /// [`ReplayError`] if the log does not fit the frames. The replay cannot be resumed after that.
     pub fn step(
         &mut self,
         source: &mut dyn FrameSource,
@@ -123,10 +121,11 @@ impl Replay {
         Ok(Some(event.into_iter().collect()))
     }
 
-    /// Carries out all entries that are left, and compares the trajectory with that of the run. The subscriber receives every event.
+    /// Executes all remaining entries and compares the trajectory with that of the run. The subscriber receives every
+    /// event.
     ///
     /// # Errors
-    /// [`ReplayError`] when the log does not fit the frames, or the trajectory is another.
+    /// [`ReplayError`] if the log does not fit the frames, or the trajectory differs.
     pub fn run(
         &mut self,
         source: &mut dyn FrameSource,
@@ -141,7 +140,6 @@ impl Replay {
         Ok(())
     }
 
-    /// Reads on to a frame.
     fn read(
         &self,
         frame: FrameId,
@@ -153,7 +151,7 @@ impl Replay {
                 Some(Ok(f)) if f.id == frame && f.stamp.to_bits() == stamp.to_bits() => {
                     return Ok(Arc::new(f));
                 }
-                // Frames that the run dropped, or could not read either.
+                // Frames that the run dropped or could not read.
                 Some(Ok(_)) => {}
                 Some(Err(e)) if e.recoverable => {}
                 Some(Err(e)) => return Err(ReplayError::Source(e)),
@@ -168,19 +166,19 @@ impl Replay {
         }
     }
 
-    /// Whether every entry was carried out.
+    /// Whether all entries were executed.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.at == self.log.entries.len()
     }
 
-    /// When the parts of a frame are exposed, as estimated so far.
+    /// Estimated exposure timing.
     #[must_use]
     pub fn timing(&self) -> Timing {
         self.exchange.timing()
     }
 
-    /// The frames tracked so far.
+    /// All tracked frames.
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
         self.exchange.trajectory()
@@ -192,19 +190,19 @@ impl Replay {
         self.exchange.view()
     }
 
-    /// All loop candidates so far and their outcomes.
+    /// All loop candidates and their outcomes.
     #[must_use]
     pub fn loops(&self) -> &[LoopReport] {
         self.exchange.loops()
     }
 
-    /// The map as the mapper has it now: that of [`Replay::view`].
+    /// The mapper's map, of which [`Replay::view`] is a view.
     #[must_use]
     pub fn map(&self) -> &Map {
         self.exchange.map()
     }
 
-    /// The map, when the replay is over.
+    /// The map at the end of the replay.
     #[must_use]
     pub fn into_map(self) -> Map {
         self.exchange.into_map()

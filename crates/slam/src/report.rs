@@ -1,4 +1,4 @@
-//! What the stages report: of a frame, of a keyframe, of a correction, of a loop. Values, which events carry outward.
+//! Reports of the stages on frames, keyframes, corrections and loops.
 
 use crate::inertial::InertialReport;
 use crate::loop_evidence::LoopEvidence;
@@ -11,51 +11,51 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, Standstill};
 use stillpoint_map::{Join, KeyframeId, SubmapId};
 
-/// What became of a frame's pose.
+/// Outcome of tracking a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// The first frame of a map or a submap of one; its pose is where that begins.
+    /// The first frame of a map or submap; its pose defines the origin.
     Initialised,
     /// The pose was measured in this frame.
     Tracked,
-    /// The camera was found again, near where it was lost or anywhere in the map.
+    /// The camera was relocalised, near where it was lost or anywhere in the map.
     Relocalised {
-        /// The first frame of the loss that ends here; this frame itself where there was none.
+        /// First frame of the loss that ends here; this frame if there was none.
         since: FrameId,
-        /// The keyframe that was recognised.
+        /// The recognised keyframe.
         with: KeyframeId,
     },
-    /// Too little was seen to measure a pose: the camera is carried by odometry, or its direction by the gyroscope and its place by what little was seen or by its
-    /// velocity.
+    /// Too little was visible to measure a pose. It was propagated: by odometry, or with the rotation of the gyroscope
+    /// and the translation from few features or constant velocity.
     Carried {
-        /// The first frame of this stretch.
+        /// First frame of this stretch.
         since: FrameId,
     },
     /// No pose could be measured.
     Lost {
-        /// The first frame of this loss.
+        /// First frame of this loss.
         since: FrameId,
-        /// Why this frame gave no pose.
+        /// Why this frame has no pose.
         reason: LostReason,
     },
 }
 
-/// Why a frame gave no pose.
+/// Why a frame has no pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LostReason {
-    /// Not enough keypoints in the image: black, covered or without texture.
+    /// Too few keypoints in the image: black, covered or without texture.
     FewFeatures,
-    /// Not enough keypoints with depth to begin a map.
+    /// Too few keypoints with depth to start a map.
     FewDepths,
-    /// Not enough keypoints matched landmarks.
+    /// Too few keypoints matched landmarks.
     FewMatches,
     /// Too few matches agreed on one pose.
     FewInliers,
-    /// What was seen turns otherwise than the gyroscope, and the gyroscope could not carry the camera any longer.
+    /// The visual rotation contradicts the gyroscope, which could not propagate the pose any longer.
     AgainstGyro,
-    /// What was seen moves otherwise than the wheels, and these could not carry the camera any longer.
+    /// The visual motion contradicts the odometry, which could not propagate the pose any longer.
     AgainstOdometry,
-    /// The colour image is that of the frame before: no new view.
+    /// The colour image repeats the previous one.
     Repeated,
 }
 
@@ -80,48 +80,48 @@ pub struct FrameReport {
     pub frame: FrameId,
     /// Its colour stamp, s.
     pub stamp: f64,
-    /// Whether a pose was measured.
+    /// Tracking outcome.
     pub outcome: Outcome,
-    /// The pose as known at this frame, when one was measured in it.
+    /// The pose as estimated at this frame, if measured.
     pub world_from_camera: Option<Se3>,
-    /// Time since the map was begun, s, while it is undecided who moves: until then the pose may ride on somebody, and may be replaced
-    /// later. None once that is decided.
+    /// Time since the map was started, s, while it is undecided which surfaces move: the pose may follow a moving
+    /// object, and may be replaced later. `None` once decided.
     pub undecided: Option<f64>,
-    /// What the static filter said of each keypoint, and was used for this frame's pose; in the order of extraction.
+    /// Verdict of the static filter on each keypoint, as used for this frame's pose; in extraction order.
     pub verdicts: Arc<[FeatureVerdict]>,
-    /// The regions that move.
+    /// Moving regions.
     pub segments: Segments,
-    /// The objects as they are expected in this frame: number, class, box in the raw image, whether they move or are parked, and where
-    /// depth was seen, position and velocity with their covariance. Those are in the world of the map version `map_version` and of
-    /// the pose that the frame had on its way; [`Object::seen_from`] brings them to a camera. None for a frame that was lost
-    /// before the static filter was asked.
+    /// Objects predicted for this frame: id, class, box in the raw image, whether they move or are parked, and, if
+    /// depth was seen, position and velocity with their covariance. The latter are in the world of map version
+    /// `map_version` and the frame's estimated pose; [`Object::seen_from`] transforms them to a camera. Empty for a
+    /// frame lost before the static filter ran.
     pub objects: Arc<[Object]>,
     /// Counts of each step.
     pub counts: FrameCounts,
-    /// What of the frame stands still: it is tracked without a depth image that does, and has no pose where the colour image does.
+    /// Repeated part of the frame: a repeated depth image is ignored, a repeated colour image gives no pose.
     pub still: Option<Standstill>,
     /// The frame became a keyframe.
     pub is_keyframe: bool,
-    /// The submap that the pose is in, by what was known at this frame; none without a pose.
+    /// The submap of the pose, as known at this frame; `None` without a pose.
     pub submap: Option<SubmapId>,
     /// Version of the map view that was used.
     pub map_version: u64,
-    /// What is known of the inertial sensor; none where there is none.
+    /// State of the inertial sensor, if there is one.
     pub inertial: Option<InertialReport>,
-    /// What is known of the odometry; none where there is none.
+    /// State of the odometry, if there is one.
     pub odometry: Option<OdometryReport>,
 }
 
-/// So many landmarks that agree hold a pose, whatever moves beside them, and tell what a sensor errs by, a number: poses of 49 and 47 were off by 100 and 119 mm (fr1_rpy_walkers,
-/// decision 30).
+/// Minimum number of inlier landmarks for a pose to count as reliable despite moving objects, and to judge sensors by
+/// it: poses of 49 and 47 were off by 100 and 119 mm (fr1_rpy_walkers, decision 30).
 pub(crate) const HOLDING: u32 = 60;
-/// Where at least this share of the keypoints moves, those who move can be a large group: with [`HOLDING`], every frame of the starts of fr1_rpy_walkers
-/// that is off by more than 100 mm is undecided (decision 30).
+/// Share of moving keypoints from which moving objects may dominate: with [`HOLDING`], every frame of the starts of
+/// fr1_rpy_walkers that is off by more than 100 mm is undecided (decision 30).
 const MANY: f64 = 0.3;
 
 impl FrameReport {
-    /// Whether it is undecided who moves: the map has just begun, or so few landmarks hold the pose, beside so much that moves, that it may ride
-    /// on somebody for this frame.
+    /// Whether it is undecided which surfaces move: the map was just started, or few landmarks support the pose while
+    /// much moves, so it may follow a moving object.
     #[must_use]
     pub fn is_undecided(&self) -> bool {
         let posed = matches!(self.outcome, Outcome::Tracked | Outcome::Relocalised { .. });
@@ -130,14 +130,14 @@ impl FrameReport {
     }
 }
 
-/// How many features each step of tracking dealt with, and which detections it could not use.
+/// Feature counts of each tracking step, and unusable detections.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameCounts {
     /// Extracted keypoints.
     pub keypoints: u32,
-    /// Keypoints rejected because they move.
+    /// Keypoints rejected as moving.
     pub dynamic: u32,
-    /// Of those that move, keypoints used all the same because too few others were left.
+    /// Moving keypoints that were used nevertheless because too few others remained.
     pub released: u32,
     /// Keypoints with a usable depth.
     pub with_depth: u32,
@@ -145,20 +145,20 @@ pub struct FrameCounts {
     pub frame_matches: u32,
     /// Landmarks of the local map in the field of view.
     pub local_visible: u32,
-    /// Matches to landmarks that entered the final pose.
+    /// Landmark matches used for the final pose.
     pub map_matches: u32,
-    /// Of these, matches that agree with the final pose.
+    /// Inliers of the final pose among them.
     pub inliers: u32,
-    /// Answers of the detector that came since the frame before and were too late to be used: they are about a frame that is
-    /// not remembered any more (for 3.2 s it is).
+    /// Detections received since the last frame that were too late: their frame is no longer remembered (frames are for
+    /// 3.2 s).
     pub detections_too_late: u32,
-    /// Answers of the detector that came since the frame before, or were there in time for this one, and could not be used
-    /// because the frame they are about has no pose.
+    /// Detections received since the last frame, or in time for this one, that were unusable because their frame has no
+    /// pose.
     pub detections_without_pose: u32,
 }
 
 impl FrameCounts {
-    /// Share of the keypoints that move, among them those that are used all the same.
+    /// Share of moving keypoints, including those used nevertheless.
     #[must_use]
     pub fn moving_share(&self) -> f64 {
         f64::from(self.dynamic + self.released) / f64::from(self.keypoints.max(1))
@@ -176,24 +176,24 @@ pub struct MappingReport {
     pub keyframes: usize,
     /// Live landmarks in it.
     pub landmarks: usize,
-    /// Landmarks made from depth at this keyframe.
+    /// Landmarks created from depth at this keyframe.
     pub created_from_depth: u32,
-    /// Landmarks made by triangulation.
+    /// Landmarks created by triangulation.
     pub triangulated: u32,
-    /// Landmarks that turned out to be the same as another.
+    /// Landmarks merged with another.
     pub fused: u32,
     /// Landmarks removed.
     pub culled_landmarks: u32,
     /// Keyframes removed as redundant.
     pub culled_keyframes: u32,
-    /// Keyframes, landmarks and observations in local bundle adjustment; zeros when it was not run.
+    /// Size of local bundle adjustment; zeros if it was not run.
     pub bundle: BundleCounts,
 }
 
-/// What late detections took out of the map.
+/// Removal of landmarks due to late detections.
 #[derive(Clone, Debug)]
 pub struct RejudgeReport {
-    /// The keyframe they were about.
+    /// The keyframe concerned.
     pub keyframe: KeyframeId,
     /// Version of the published view.
     pub map_version: u64,
@@ -201,12 +201,12 @@ pub struct RejudgeReport {
     pub landmarks: u32,
 }
 
-/// What was taken back of the beginning of a map.
+/// Revocation of the beginning of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RevokeReport {
-    /// The first id that a keyframe of it may have.
+    /// First revoked id.
     pub first: KeyframeId,
-    /// The last one.
+    /// Last revoked id.
     pub last: KeyframeId,
     /// Version of the published view.
     pub map_version: u64,
@@ -214,82 +214,82 @@ pub struct RevokeReport {
     pub keyframes: u32,
 }
 
-/// What became of a correction.
+/// Result of applying a correction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorrectionReport {
     /// Version of the published view.
     pub map_version: u64,
-    /// Version that was corrected.
+    /// Version from which it was computed.
     pub base_version: u64,
-    /// Keyframes that it named and that were still there.
+    /// Corrected keyframes that still exist.
     pub keyframes: u32,
-    /// Of these, the ones that local bundle adjustment had moved since.
+    /// Those among them that local bundle adjustment had moved since.
     pub composed: u32,
-    /// Keyframes made since, to which the correction was propagated.
+    /// Keyframes created since, to which the correction was propagated.
     pub propagated: u32,
-    /// Landmarks that became others.
+    /// Landmarks merged into others.
     pub merged: u32,
-    /// What moved, however little.
+    /// Changes of the map.
     pub moved: MapShift,
 }
 
-/// What became of a candidate for a loop: an older keyframe that may show the same place.
+/// Result for a loop candidate: an older keyframe that may show the same place.
 #[derive(Clone, Debug)]
 pub struct LoopReport {
-    /// The keyframe that showed it.
+    /// The new keyframe.
     pub keyframe: KeyframeId,
-    /// The keyframe that showed it before.
+    /// The older keyframe.
     pub with: KeyframeId,
-    /// How alike both look, 0 to 1; 0 where the map named the place, and nobody asked.
+    /// Similarity, 0 to 1; 0 if the candidate came from the map position.
     pub score: f64,
-    /// How alike what looks most like it elsewhere on the map is.
+    /// Similarity of the most similar place elsewhere in the map.
     pub rival: f64,
-    /// Pairs of points that agree on one rigid motion.
+    /// Point pairs that agree on one rigid motion.
     pub rigid_inliers: u32,
-    /// Landmarks around `with` that are seen where that motion puts them.
+    /// Landmarks around `with` that are found at their predicted positions.
     pub inliers: u32,
-    /// Landmarks around `with` that are in the image there, hidden ones too.
+    /// Landmarks around `with` predicted to be in the image, including occluded ones.
     pub expected: u32,
-    /// Keyframes that told the same of the place, this one among them; 0 without a motion.
+    /// Keyframes that agree on the place, including this one; 0 without a motion.
     pub agreeing: u32,
-    /// Pose of `keyframe` relative to `with`, once it is known.
+    /// Pose of `keyframe` relative to `with`, if estimated.
     pub edge: Option<Se3>,
-    /// The submaps that became one by it.
+    /// The submaps joined by it.
     pub joined: Option<Join>,
-    /// Squared Mahalanobis distance between the loop's motion and the map's, by what the path between both may have drifted: 6 on
-    /// average where that is told exactly. 0 for submaps, which nothing ties.
+    /// Squared Mahalanobis distance between the loop's motion and the map's, given the drift of the path: 6 on average
+    /// if the covariance is exact. 0 between unconnected submaps.
     pub cost: f64,
-    /// What speaks for it; none without a motion.
+    /// Evidence; `None` without a motion.
     pub evidence: Option<LoopEvidence>,
-    /// Landmarks that turned out to be others seen before.
+    /// Landmarks merged with older ones.
     pub merges: u32,
-    /// Farthest that a keyframe was moved, m.
+    /// Largest displacement of a keyframe, m.
     pub moved_m: f64,
-    /// Full bundle adjustment; zeros when it was not run.
+    /// Full bundle adjustment; zeros if it was not run.
     pub bundle: BundleCounts,
     /// Whether the loop was closed.
     pub outcome: LoopOutcome,
-    /// What applying the correction did; none until then, and in [`Event::Looped`](crate::Event::Looped).
+    /// Result of applying the correction; `None` until then, and in [`Event::Looped`](crate::Event::Looped).
     pub applied: Option<CorrectionReport>,
 }
 
-/// Whether a loop was closed, or for what reason the candidate was set aside.
+/// Whether a loop was closed, or why not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoopOutcome {
     /// The map was corrected.
     Closed,
     /// Too few points of both keyframes agree on one rigid motion.
     NoRigidMotion,
-    /// Too few landmarks were seen where that motion puts them to measure one.
+    /// Too few landmarks were found with that motion.
     FewInliers,
-    /// The place lies farther from where the map expects it than the path can have drifted: it is an equal one.
+    /// The place is farther from its expected position than the path can have drifted: an equal place elsewhere.
     Elsewhere,
-    /// Too little speaks for it so far.
+    /// Insufficient evidence.
     TooLittle,
 }
 
 impl LoopOutcome {
-    /// Whether the candidate was set aside: what every place that is passed for the first time and looks like another comes to.
+    /// Whether the candidate was not closed, as is usual for new places that look like another.
     #[must_use]
     pub fn is_set_aside(self) -> bool {
         self != Self::Closed
@@ -308,12 +308,12 @@ impl std::fmt::Display for LoopOutcome {
     }
 }
 
-/// Size and effort of one local bundle adjustment.
+/// Size of one local bundle adjustment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BundleCounts {
-    /// Keyframes whose poses were free.
+    /// Keyframes with free poses.
     pub free_keyframes: u32,
-    /// Keyframes that only held the window in place.
+    /// Keyframes with fixed poses.
     pub fixed_keyframes: u32,
     /// Landmarks.
     pub landmarks: u32,

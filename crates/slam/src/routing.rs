@@ -1,8 +1,8 @@
-//! Routing: what follows when a stage of tracking has taken a message.
+//! Routing: events and follow-up messages of the tracker.
 //!
-//! Answers: which event reports it, and which message the next stage gets. The same for all drivers: [`Exchange`](crate::Exchange) and the
-//! threads of a live run call these functions. What follows from answers of the mapper and the loop closer is said by the answers
-//! themselves: [`MapperOut`](crate::MapperOut), [`LoopCloserOut`](crate::LoopCloserOut).
+//! Shared by all drivers: [`Exchange`](crate::Exchange) and the threads of a live run call these functions. Replies of
+//! mapper and loop closer carry their follow-ups themselves: [`MapperOut`](crate::MapperOut),
+//! [`LoopCloserOut`](crate::LoopCloserOut).
 
 use crate::event::{Event, FrameEvent};
 use crate::health::HealthMonitor;
@@ -13,7 +13,8 @@ use std::sync::Arc;
 use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// The tracker takes a frame: [`Event::Frame`], and what the mapper gets: a keyframe. [`retrace`] is to be called before the next frame.
+/// Tracks a frame. Returns [`Event::Frame`] and the message to the mapper, a keyframe, if any. Call [`retrace`] before
+/// the next frame.
 pub fn track(
     tracker: &mut Tracker,
     retracer: &mut Retracer,
@@ -38,19 +39,20 @@ pub fn track(
     (Event::Frame(Arc::new(event)), keyframe)
 }
 
-/// What can wait until a frame's pose is out: the first frames of a map are tracked again. What the mapper gets: what is to be taken back of them.
+/// Tracks some first frames of a map again, after a frame's pose was published. Returns the message to the mapper that
+/// revokes keyframes, if any.
 pub fn retrace(tracker: &mut Tracker, retracer: &mut Retracer) -> Option<MapperMsg> {
     retracer.work(tracker)
 }
 
-/// The stream is over, and the first frames of a map are still being tracked again ([`Retracer::is_on_the_way`]): that is done to its end. What the mapper
-/// gets: what is to be taken back of them.
+/// Completes retracing at the end of the stream ([`Retracer::is_on_the_way`]). Returns the message to the mapper that
+/// revokes keyframes, if any.
 pub fn finish(tracker: &mut Tracker, retracer: &mut Retracer) -> Option<MapperMsg> {
     retracer.finish(tracker)
 }
 
-/// The tracker takes what a detector said, before it takes the frame `next`: [`Event::Detected`] or [`Event::DetectorFailed`], and
-/// what turned out to move in an earlier keyframe.
+/// Passes a detector's result to the tracker before frame `next`. Returns [`Event::Detected`] or
+/// [`Event::DetectorFailed`], and the message to the mapper about moving features of an earlier keyframe, if any.
 pub fn detections(
     tracker: &mut Tracker,
     retracer: &mut Retracer,

@@ -1,4 +1,4 @@
-//! The depth sensor: its range, its noise, and the depth of a keypoint.
+//! The depth sensor: range, noise and depth of keypoints.
 
 mod reader;
 
@@ -12,33 +12,37 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SensorConfig {
-    /// Nearest depth that is used, m. Range: 0.01 to 10. Structured-light cameras begin at 0.4 m; nearer values are noise.
+    /// Minimum depth that is used, m. Range: 0.01 to 10. Structured-light cameras begin at 0.4 m; nearer values are
+    /// noise.
     pub min_depth: f64,
-    /// Farthest depth that is used, m. Range: 0.1 to 100. Beyond 8 m a Kinect's error exceeds 10 cm.
+    /// Maximum depth that is used, m. Range: 0.1 to 100. Beyond 8 m a Kinect's error exceeds 10 cm.
     pub max_depth: f64,
-    /// Points nearer than this hold the camera's translation best, m: how many of them are tracked and shared decides about keyframes. Range: 0.1 to 100. 40 baselines of 7.5 cm. Landmarks are made at any depth.
+    /// Points nearer than this constrain the camera's translation best, m: the number tracked and shared decides about
+    /// keyframes. Range: 0.1 to 100. 40 baselines of 7.5 cm. Landmarks are made at any depth.
     pub close_depth: f64,
     /// Factor on the sensor's own noise `0.0012 + 0.0019 (z - 0.4)^2` m (Nguyen, Izadi, Lovell, 3DIMPVT 2012). Range:
     /// 0.1 to 100.
     pub noise_scale: f64,
-    /// Share of the depth that calibration may be wrong by, added to the noise in quadrature. Range: 0 to 0.2. It stands for all that errs alike in neighbouring pixels, too, which many of them do not average out.
+    /// Calibration error as a share of the depth, added to the noise in quadrature. Range: 0 to 0.2. Includes all
+    /// errors shared by neighbouring pixels, which do not average out.
     pub calibration_error: f64,
-    /// Time from the exposure of the colour image's first row to its last, s; 0 for a global shutter. Range: 0 to 0.1.
-    /// With `self_calibrate` this is where the estimate starts.
+    /// Readout time from the exposure of the colour image's first row to its last, s; 0 for a global shutter. Range: 0
+    /// to 0.1. With `self_calibrate` this is the initial estimate.
     pub readout: f64,
-    /// Standard deviation of `readout`, s, where `self_calibrate` starts from it. Range: 0.00001 to 0.1. Of a camera that nothing is known of 0.02: rolling
-    /// shutters take up to a frame's 33 ms.
+    /// Standard deviation of `readout`, s, the prior of `self_calibrate`. Range: 0.00001 to 0.1. Use 0.02 for an
+    /// unknown camera: rolling shutters take up to a frame's 33 ms.
     pub readout_sigma: f64,
     /// Age of a depth image at its stamp, s, beyond that of a colour image. Range: -0.1 to 0.1.
     pub depth_delay: f64,
-    /// Estimates `readout` while tracking. Range: true or false. Few cameras state it, and on a rolling shutter it costs
-    /// more accuracy than everything else.
+    /// Estimates `readout` while tracking. Range: true or false. Few cameras document it, and with a rolling shutter it
+    /// affects accuracy more than anything else.
     pub self_calibrate: bool,
 }
 
 impl Default for SensorConfig {
     fn default() -> Self {
-        // What is close is so after ORB-SLAM2 (Mur-Artal, Tardos 2017), whose settings for the TUM cameras say 40 baselines.
+        // `close_depth` follows ORB-SLAM2 (Mur-Artal, Tardos 2017), whose settings for the TUM cameras say 40
+        // baselines.
         Self {
             min_depth: 0.3,
             max_depth: 8.0,
@@ -67,7 +71,6 @@ impl SensorConfig {
 }
 
 impl SensorConfig {
-    /// The timing that the configuration states.
     pub(crate) fn timing(&self) -> Timing {
         Timing {
             readout: self.readout,
@@ -81,22 +84,22 @@ impl SensorConfig {
     }
 }
 
-/// The depth sensor's own noise, without calibration: `scale (0.0012 + 0.0019 (z - 0.4)^2)` m (Nguyen, Izadi, Lovell, 3DIMPVT 2012).
-/// All that asks whether two depths can be of one surface asks this one.
+/// The depth sensor's own noise, without calibration: `scale (0.0012 + 0.0019 (z - 0.4)^2)` m (Nguyen, Izadi, Lovell,
+/// 3DIMPVT 2012). Used wherever two depths are compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthNoise {
     scale: f64,
 }
 
-/// Noise of a Kinect at the distance where it is least, m: by Nguyen, Izadi, Lovell (3DIMPVT 2012), as are both constants below.
+/// Minimum noise of a Kinect, m: by Nguyen, Izadi, Lovell (3DIMPVT 2012), as are both constants below.
 const LEAST_SIGMA: f64 = 0.0012;
-/// Distance at which the noise of a Kinect is least, m (Nguyen, Izadi, Lovell 2012).
+/// Distance of the minimum noise of a Kinect, m (Nguyen, Izadi, Lovell 2012).
 const LEAST_AT: f64 = 0.4;
-/// Growth of the noise of a Kinect with the square of the distance beyond [`LEAST_AT`], 1/m (Nguyen, Izadi, Lovell 2012).
+/// Growth of the noise of a Kinect with the square of the distance beyond [`LEAST_AT`], 1/m (Nguyen, Izadi, Lovell
+/// 2012).
 const SIGMA_GROWTH: f64 = 0.0019;
 
 impl Default for DepthNoise {
-    /// That of a Kinect.
     fn default() -> Self {
         Self { scale: 1.0 }
     }
@@ -109,7 +112,7 @@ impl DepthNoise {
         self.scale * (LEAST_SIGMA + SIGMA_GROWTH * (z - LEAST_AT) * (z - LEAST_AT))
     }
 
-    /// The same in single precision, for what is asked of every cell of the image.
+    /// Likewise in single precision, for per-cell use.
     #[must_use]
     #[inline]
     pub fn sigma_f32(self, z: f32) -> f32 {

@@ -1,25 +1,23 @@
-//! The rolling shutter: every row is exposed at a time of its own, and the camera moves meanwhile.
+//! Rolling-shutter model: rows are exposed one after the other while the camera moves.
 //!
-//! To first order: within a readout the camera moves by millimetres and fractions of a degree.
+//! First order: within a readout the camera moves by millimetres and fractions of a degree.
 
 use crate::timing::Timing;
 use stillpoint_geometry::{Camera, Vec2, Vec3, Vec6};
 
-/// How far what is seen lies, m, where a turn is compared with a shift, or a guess needs a depth that a feature does not have. Chosen: that of things
-/// in a room (docs/constants.md).
+/// Depth assumed where features have none, or to compare rotations with translations, m. Chosen: that of things in a
+/// room (docs/constants.md).
 pub(crate) const TYPICAL_DEPTH: f64 = 2.0;
 
-/// When the rows of a camera's images are exposed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shutter<'a> {
     camera: &'a Camera,
     readout: f64,
-    /// Root mean square of what the readout may be, s.
+    /// Root mean square of the possible readout times, s.
     reach: f64,
 }
 
 impl<'a> Shutter<'a> {
-    /// The shutter of a camera with this timing.
     pub(crate) fn new(camera: &'a Camera, timing: &Timing) -> Self {
         Self {
             camera,
@@ -28,23 +26,23 @@ impl<'a> Shutter<'a> {
         }
     }
 
-    /// Whether rows are known to be exposed one after the other.
+    /// Whether the readout time is nonzero.
     pub(crate) fn rolls(&self) -> bool {
         self.readout != 0.0
     }
 
-    /// How far a pixel may be bent aside while the camera's turning changes by `unsteady` rad/s, px: one standard deviation.
+    /// Standard deviation of a pixel's displacement, px, when the angular velocity is uncertain by `unsteady` rad/s.
     pub(crate) fn sigma_px(&self, raw_y: f64, unsteady: f64) -> f64 {
         (Self::row_share(self.camera, raw_y) * unsteady).abs() * self.reach * self.camera.fx
     }
 
-    /// When the row of a raw pixel is exposed, as a share of the readout before (-) or after (+) the stamp.
+    /// Exposure time of a raw pixel's row relative to the stamp, as a share of the readout time (-0.5 to 0.5).
     pub(crate) fn row_share(camera: &Camera, raw_y: f64) -> f64 {
         raw_y / f64::from(camera.height) - 0.5
     }
 
-    /// The point (m, camera at the stamp) that was exposed at an undistorted pixel, in the row of its raw one, at a depth of `z` m. As
-    /// seen where it would be behind the camera then.
+    /// Position at the stamp (camera coordinates, m) of a point observed at an undistorted pixel with depth `z` (m), in
+    /// the row of its raw pixel. Uncorrected if it would lie behind the camera.
     pub(crate) fn at_stamp(
         &self,
         undistorted: Vec2,
@@ -60,12 +58,12 @@ impl<'a> Shutter<'a> {
         if there.z > 0.0 { there } else { seen }
     }
 
-    /// The depth along the optical axis at the time of a raw row of what is `there` at the stamp, m.
+    /// Depth (m) at the exposure of a raw row, of a point that is `there` at the stamp.
     pub(crate) fn depth_exposed(&self, there: &Vec3, raw_y: f64, velocity: &Vec6) -> f64 {
         there.z + point_velocity(velocity, there).z * self.late(raw_y)
     }
 
-    /// The raw pixel at which a point `p` (m, camera at the stamp, before it) is exposed.
+    /// Raw pixel at which a point `p` (m, in camera coordinates at the stamp) is exposed.
     pub(crate) fn exposed(&self, p: &Vec3, velocity: Option<&Vec6>) -> Vec2 {
         let raw = self.camera.project_distorted(p);
         let Some(v) = velocity.filter(|_| self.readout != 0.0) else {
@@ -79,7 +77,7 @@ impl<'a> Shutter<'a> {
         }
     }
 
-    /// How far a change of velocity moves what is seen in the first and in the last row, px, at most about.
+    /// Approximate largest displacement of pixels in the first and last row by a change of velocity, px.
     pub(crate) fn reach_px(&self, change: &Vec6) -> f64 {
         let shift: Vec3 = change.fixed_rows::<3>(0).into();
         let turn: Vec3 = change.fixed_rows::<3>(3).into();
@@ -92,7 +90,7 @@ impl<'a> Shutter<'a> {
     }
 }
 
-/// Velocity (m/s, camera coordinates) of a point that stands still while the camera moves by the twist `v` per second.
+/// Velocity (m/s, camera coordinates) of a static point while the camera moves by the twist `v` per second.
 pub(crate) fn point_velocity(v: &Vec6, p: &Vec3) -> Vec3 {
     let phi: Vec3 = v.fixed_rows::<3>(3).into();
     v.fixed_rows::<3>(0) + phi.cross(p)
@@ -133,7 +131,7 @@ mod tests {
             let raw = shutter.exposed(&p, Some(&v));
             let back = shutter.at_stamp(camera.undistort(raw), raw.y, p.z, Some(&v));
             let error = (camera.project(&back) - camera.project(&p)).norm();
-            // To first order: without the shutter these are up to 7 px aside.
+            // First-order accuracy: uncorrected pixels are up to 7 px off.
             assert!(error < 0.5, "{error}");
         }
     }

@@ -1,39 +1,43 @@
-//! Smooths the poses of frames in a row: what no hand and no robot does with a camera is an error of its poses.
+//! Smooths a sequence of poses: accelerations that neither hands nor robots reach are pose errors.
 //!
-//! Answers: the most probable path, if every pose errs by itself as much as their own jitter shows, and the camera accelerates as it does over a tenth of a
-//! second. Translation and rotation each by itself. Frames to come count as much as those before, so it is nothing for poses that are wanted at once. Does
-//! not know the map. (docs/algorithm.md, the final trajectory.)
+//! Computes the most probable path if each pose has independent errors as large as the jitter, and accelerations are as
+//! large as those over a tenth of a second. Translation and rotation are treated separately. Uses future frames, so it
+//! is for offline use. Independent of the map. (docs/algorithm.md, the final trajectory.)
 
 use stillpoint_geometry::{Se3, Vec3, so3};
 
-/// Least acceleration that is assumed along each axis, m/s^2: that of a camera that is held still. Held fixed at this, results were as good on all
-/// recordings; motion capture has 0.7 in the median (fr1_rpy_walkers, decision 42).
+/// Minimum assumed acceleration along each axis, m/s^2: that of a camera that is held still. Fixed at this value,
+/// results were as good on all recordings; motion capture has 0.7 in the median (fr1_rpy_walkers, decision 42).
 const USUAL: f64 = 1.0;
-/// Least angular acceleration that is assumed about each axis, rad/s^2: that of a camera that is held still. Measured among 3, 5, 10 and 20: least or
-/// next to least errors from frame to frame (decision 42).
+/// Minimum assumed angular acceleration about each axis, rad/s^2: that of a camera that is held still. Measured among
+/// 3, 5, 10 and 20: smallest or second smallest errors from frame to frame (decision 42).
 const USUAL_TURNING: f64 = 5.0;
-/// Accelerations are taken over so long to either side, s: longer than poses jitter, shorter than a hand moves to and fro. Measured: by neighbouring
-/// frames instead fr1_rpy_walkers has 21.2 mm instead of 20.8 (decision 42).
+/// Interval to either side over which accelerations are taken, s: longer than poses jitter, shorter than a hand moves
+/// to and fro. Measured: with neighbouring frames instead, fr1_rpy_walkers has 21.2 mm instead of 20.8 (decision 42).
 const LAG: f64 = 0.1;
-/// No pose is better than this, m and rad: chosen, below the least error of a simulated scene (0.45 mm of `xyz`, decision 42).
+/// Lower bound of pose errors, m and rad: chosen, below the least error of a simulated scene (0.45 mm of
+/// `xyz`, decision 42).
 const FLOOR: f64 = 1e-4;
-/// Frames within this time to either side of a pose give the error of the pose and the acceleration of the camera, s: chosen, as nine frames of 30 Hz
-/// on either side give a steady middle value.
+/// Time to either side of a pose over which pose error and acceleration are estimated, s: chosen, as nine frames of 30
+/// Hz on either side give a steady middle value.
 const REACH: f64 = 0.3;
-/// At least this many frames to either side of a pose give the error of the pose and the acceleration of the camera: chosen, as the middle of 17
-/// values is steady where frames come slower than 30 Hz.
+/// Minimum number of frames to either side for the same purpose: chosen, as the middle of 17 values is steady where
+/// frames come slower than 30 Hz.
 const REACH_FRAMES: usize = 8;
-/// Fewer frames in a row give neither the error of poses nor the acceleration of the camera, a number: chosen, as nine have five fourth differences.
+/// Minimum number of consecutive frames to estimate pose error and acceleration: chosen, as nine have five fourth
+/// differences.
 const LEAST: usize = 9;
 /// The median of the norm of three normal numbers of deviation 1.
 const MEDIAN_OF_NORM: f64 = 1.538;
-/// Standard deviations from which an error counts less: half at this many. With
-/// 2.385 normal errors lose 5 % of their efficiency (Holland and Welsch, Communications in Statistics 1977).
+/// Cauchy scale in standard deviations: an error of this size has half the weight. With 2.385 normal errors lose 5 % of
+/// their efficiency (Holland and Welsch, Communications in Statistics 1977).
 pub(crate) const CAUCHY: f64 = 2.4;
-/// Times that the weights are found again, a number: chosen; a blow needs some rounds to lose its weight, and a round costs one linear solution.
+/// Number of reweighting iterations: chosen; a shock needs several to lose its weight, and each costs one linear
+/// solution.
 const ROUNDS: usize = 8;
 
-/// Smooths poses `world_from_camera` of frames in a row at `stamps`, s, which increase by a tenth of a millisecond at least. Fewer than nine stay as they are.
+/// Smooths consecutive poses `world_from_camera` at `stamps`, s, which increase by at least 0.1 ms. Fewer than nine are
+/// unchanged.
 pub(crate) fn smooth(stamps: &[f64], poses: &mut [Se3]) {
     if poses.len() < LEAST || poses.len() != stamps.len() {
         return;
@@ -47,7 +51,8 @@ pub(crate) fn smooth(stamps: &[f64], poses: &mut [Se3]) {
     }
 }
 
-/// The directions as a curve: the sum of the turns from one to the next, rad in the world's axes. To first order a turn of a pose moves its point of the curve.
+/// Rotations as a curve: the cumulative sum of rotations from pose to pose, rad in world axes. To first order, rotating
+/// a pose moves its point of the curve.
 fn rolled_out(poses: &[Se3]) -> Vec<Vec3> {
     let mut at = Vec3::zeros();
     let turns = poses.windows(2).map(|p| {
@@ -57,7 +62,6 @@ fn rolled_out(poses: &[Se3]) -> Vec<Vec3> {
     std::iter::once(Vec3::zeros()).chain(turns).collect()
 }
 
-/// What is to be added to the points of a curve.
 fn corrections(stamps: &[f64], points: &[Vec3], usual: f64) -> Vec<Vec3> {
     let (errors, limits) = Pace::of(stamps).judge(stamps, points, usual);
     let bends: Vec<[f64; 3]> = stamps.windows(3).map(bend).collect();
@@ -71,7 +75,7 @@ fn corrections(stamps: &[f64], points: &[Vec3], usual: f64) -> Vec<Vec3> {
         1.0 / (sigma * sigma * (1.0 + off * off))
     };
     let mut smoothed = points.to_vec();
-    // Neither what poses are off by nor a blow is known in the first round.
+    // Start with equal weights: neither pose errors nor shocks are known yet.
     let mut weights: Vec<f64> = errors.iter().map(|e| weight(0.0, *e)).collect();
     let mut ties: Vec<f64> = limits.iter().map(|l| weight(0.0, *l)).collect();
     for _ in 0..ROUNDS {
@@ -91,7 +95,6 @@ fn corrections(stamps: &[f64], points: &[Vec3], usual: f64) -> Vec<Vec3> {
     found
 }
 
-/// How many frames come to the times that are looked at.
 struct Pace {
     lag: usize,
     reach: usize,
@@ -107,18 +110,19 @@ impl Pace {
         }
     }
 
-    /// By how much each point errs along each axis, and how the camera accelerates along each about each point but the first and the last: standard deviations.
+    /// Standard deviations per axis of the error of each point, and of the acceleration at each point but the first and
+    /// the last.
     fn judge(&self, stamps: &[f64], points: &[Vec3], usual: f64) -> (Vec<f64>, Vec<f64>) {
         let errors = self.errors(stamps, points);
         let limits = self.accelerations(stamps, points, &errors, usual);
         (errors, limits)
     }
 
-    /// By fourth differences, in which no camera's motion is left.
+    /// From fourth differences, in which camera motion cancels.
     fn errors(&self, stamps: &[f64], points: &[Vec3]) -> Vec<f64> {
         let fourth = |k: usize| {
             let times = &stamps[k..k + 5];
-            // Divided differences (Newton), of which an error of 1 in each point makes 1.
+            // Divided differences (Newton), normalised to unit noise gain.
             let share = |i: usize| {
                 let others = (0..5).filter(|j| *j != i);
                 others.fold(1.0, |s, j| s / (times[i] - times[j]))
@@ -134,7 +138,7 @@ impl Pace {
         (0..points.len()).map(|i| near(i).max(FLOOR)).collect()
     }
 
-    /// Over [`LAG`], less what the points err by.
+    /// Over [`LAG`], less the contribution of point errors.
     fn accelerations(
         &self,
         stamps: &[f64],
@@ -161,7 +165,7 @@ impl Pace {
         (1..points.len() - 1).map(near).collect()
     }
 
-    /// The median of the values near one, or of as many at an end.
+    /// Median of the values near an index; the window is shifted inwards at the ends.
     fn median(&self, values: &[f64], at: usize) -> f64 {
         let count = (2 * self.reach + 1).min(values.len());
         let first = at.saturating_sub(self.reach).min(values.len() - count);
@@ -171,16 +175,16 @@ impl Pace {
     }
 }
 
-/// Shares of three points of a curve in its second derivative at the middle one.
+/// Coefficients of three points in the second derivative at the middle one.
 fn bend(times: &[f64]) -> [f64; 3] {
     let (before, after) = (times[1] - times[0], times[2] - times[1]);
     let c = 2.0 / (before + after);
     [c / before, -c / before - c / after, c / after]
 }
 
-/// Normal equations of points in a row, each tied to the two before and after it.
+/// Normal equations of a sequence of points, each coupled to the two before and after it.
 struct Banded {
-    /// The matrix's diagonal and the two below it, by row: `lower[k][i]` is of row `i + k + 1`.
+    /// Diagonal and the two subdiagonals by row: `lower[k][i]` is of row `i + k + 1`.
     diagonal: Vec<f64>,
     lower: [Vec<f64>; 2],
     right: Vec<Vec3>,
@@ -196,7 +200,7 @@ impl Banded {
         }
     }
 
-    /// A measurement `value` of the sum of three points from `first` on, times their shares.
+    /// Adds a measurement `value` of a linear combination of three points from `first` on.
     fn add(&mut self, first: usize, shares: &[f64; 3], weight: f64, value: &Vec3) {
         for (k, share) in shares.iter().enumerate() {
             self.diagonal[first + k] += weight * share * share;
@@ -207,7 +211,7 @@ impl Banded {
         self.lower[1][first] += weight * shares[0] * shares[2];
     }
 
-    /// By Cholesky's method without roots: the matrix is positive definite, as every point is measured.
+    /// Root-free Cholesky decomposition: the matrix is positive definite, as every point is measured.
     fn solve(mut self) -> Vec<Vec3> {
         let n = self.right.len();
         for i in 0..n {

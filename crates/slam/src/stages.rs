@@ -1,8 +1,4 @@
-//! The stages of one run, made to fit each other: what every driver begins with.
-//!
-//! Answers: how stages are made for a configuration, a camera and perhaps a map that is there already. What a stage has to
-//! tell the next is said by the answers themselves ([`MapperOut::for_loop_closer`](crate::MapperOut::for_loop_closer), ...); a driver
-//! only decides when it is asked to.
+//! Construction of the stages of one run, for all drivers.
 
 use crate::config::Config;
 use crate::fingerprint::Fingerprint;
@@ -19,28 +15,28 @@ use stillpoint_geometry::{Camera, FigureError, ImuModel, OdometryModel};
 use stillpoint_imaging::{Simd, Workers};
 use stillpoint_map::Map;
 
-/// What is done with a map that is there before the first frame.
+/// Use of a map that exists before the first frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MapUse {
-    /// It is resumed and grows.
+    /// It is extended.
     #[default]
     Grow,
     /// It is only read: poses, but no keyframes and no new submaps.
     Localize,
 }
 
-/// Why a run cannot begin with a map.
+/// Why a run cannot start with a map.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum StartError {
-    /// Its features come from another pyramid than this run's.
+    /// Its features come from a different pyramid.
     Features {
         /// Levels of this run's pyramid.
         levels: usize,
-        /// Factor between two of them.
+        /// Scale factor between levels.
         scale_factor: f32,
     },
-    /// There is nothing in it to be localized in.
+    /// It is empty, so localisation is impossible.
     Empty,
 }
 
@@ -66,13 +62,13 @@ impl std::error::Error for StartError {}
 
 /// The stages of one run before its first frame.
 pub struct Stages {
-    /// Keeps out frames that do not follow the one before. A driver asks it before anything else.
+    /// Refuses out-of-order frames. Drivers call it first.
     pub gate: FrameGate,
-    /// Finds the pose of every frame.
+    /// Estimates the pose of every frame.
     pub tracker: Tracker,
-    /// Looks again at the first frames of a map, once it is known who moves.
+    /// Tracks the first frames of a map again.
     pub retracer: Retracer,
-    /// Says how well things stand at every frame, from what the tracker says of it.
+    /// Judges the quality of every pose.
     pub health: HealthMonitor,
     /// Builds the map.
     pub mapper: Mapper,
@@ -86,7 +82,7 @@ impl Stages {
     /// Stages for one camera.
     ///
     /// # Errors
-    /// [`ConfigError`] when a field is out of range, and for a camera that cannot be computed with ([`Camera::check`]) or has images of
+    /// [`ConfigError`] if a field is out of range, or for a camera that is invalid ([`Camera::check`]) or has images of
     /// over four megapixels.
     pub fn new(config: Config, camera: Camera, simd: Simd) -> Result<Self, ConfigError> {
         config.validate()?;
@@ -105,18 +101,17 @@ impl Stages {
         })
     }
 
-    /// The stages with threads that share the work on a frame: see [`Tracker::with_workers`].
+    /// Shares the work on a frame among threads: see [`Tracker::with_workers`].
     #[must_use]
     pub fn with_workers(mut self, workers: Workers) -> Self {
         self.tracker = self.tracker.with_workers(workers);
         self
     }
 
-    /// The stages with a map that is there already, to be resumed or to be localized in. Until a place in it is recognised
-    /// the camera is lost.
+    /// Starts with an existing map. The camera is lost until a place in it is recognised.
     ///
     /// # Errors
-    /// [`StartError`] when nothing can be recognised in that map.
+    /// [`StartError`] if places of that map cannot be recognised.
     pub fn with_map(mut self, map: Map, map_use: MapUse) -> Result<Self, StartError> {
         let features = self.config.features.orb();
         let (levels, scale_factor) = (features.levels, features.scale_factor);
@@ -145,10 +140,10 @@ impl Stages {
         Ok(self)
     }
 
-    /// The stages with an inertial sensor on the camera, whose samples the tracker is given.
+    /// Adds an inertial sensor on the camera. Its samples go to the tracker.
     ///
     /// # Errors
-    /// [`FigureError`] for figures that no such sensor has.
+    /// [`FigureError`] for invalid figures of the model.
     pub fn with_imu(mut self, model: ImuModel) -> Result<Self, FigureError> {
         model.check()?;
         self.fingerprint.text(&format!("{model:?}"));
@@ -156,10 +151,10 @@ impl Stages {
         Ok(self)
     }
 
-    /// The stages with odometry of the base that carries the camera, whose samples the tracker is given.
+    /// Adds odometry of the base that carries the camera. Its samples go to the tracker.
     ///
     /// # Errors
-    /// [`FigureError`] for figures that no odometry has.
+    /// [`FigureError`] for invalid figures of the model.
     pub fn with_odometry(mut self, model: OdometryModel) -> Result<Self, FigureError> {
         model.check()?;
         self.fingerprint.text(&format!("{model:?}"));
@@ -173,7 +168,7 @@ impl Stages {
         &self.config
     }
 
-    /// A number that tells this configuration, camera and first map from others: runs of two that differ are not comparable.
+    /// Hash of configuration, camera and initial map: runs with different hashes are not comparable.
     #[must_use]
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint.value()

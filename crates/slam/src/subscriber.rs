@@ -1,16 +1,16 @@
-//! Subscribers: the listeners of a run.
+//! Subscribers to the events of a run.
 //!
-//! Answers: how events reach several listeners. Inline and in a replay every subscriber receives every event, in order, on the thread
-//! that drives the run. In a live run each has a queue and a thread of its own, which are the business of the driver.
+//! Inline and in a replay every subscriber receives every event, in order, on the thread that drives the run. In a live
+//! run the driver gives each a queue and a thread of its own.
 
 use crate::event::Event;
 
-/// Listens to a run. Nothing that it does goes back into the run.
+/// Receives events of a run, without influence on it.
 pub trait Subscriber {
-    /// Takes an event. Events come in the order that [`Event`] states.
+    /// Receives an event, in the order documented at [`Event`].
     fn receive(&mut self, event: &Event);
 
-    /// Takes events, one after the other.
+    /// Receives several events in order.
     fn receive_all<'a>(&mut self, events: impl IntoIterator<Item = &'a Event>)
     where
         Self: Sized,
@@ -31,7 +31,7 @@ impl<S: Subscriber + ?Sized> Subscriber for Box<S> {
     }
 }
 
-/// None listens to nothing.
+/// `None` ignores all events.
 impl<S: Subscriber> Subscriber for Option<S> {
     fn receive(&mut self, event: &Event) {
         if let Some(subscriber) = self {
@@ -40,14 +40,14 @@ impl<S: Subscriber> Subscriber for Option<S> {
     }
 }
 
-/// Several subscribers: each receives an event before the next event comes, in their order.
+/// Several subscribers; each event goes to all of them before the next.
 impl<S: Subscriber> Subscriber for Vec<S> {
     fn receive(&mut self, event: &Event) {
         self.iter_mut().for_each(|s| s.receive(event));
     }
 }
 
-/// Two subscribers of different types, in their order.
+/// Two subscribers of different types, in order.
 impl<A: Subscriber, B: Subscriber> Subscriber for (A, B) {
     fn receive(&mut self, event: &Event) {
         self.0.receive(event);
@@ -55,7 +55,7 @@ impl<A: Subscriber, B: Subscriber> Subscriber for (A, B) {
     }
 }
 
-/// A subscriber that is a function.
+/// A closure as subscriber.
 #[derive(Clone, Copy, Debug)]
 pub struct OnEvent<F>(pub F);
 

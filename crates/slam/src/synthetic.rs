@@ -1,4 +1,4 @@
-//! Made-up frames and maps for unit tests: what a camera sees of points in space, and images of a wall.
+//! Synthetic frames and maps for unit tests: cameras observing points, and images of a wall.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,19 +7,18 @@ use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, Map, NewLandmark};
 
-/// Factor between two levels of the pyramid: that of all maps, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Scale factor between pyramid levels: that of all maps, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const SCALE: f32 = 1.2;
 
-/// A feature, and what it looks like.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Feature {
     pub(crate) pixel: [f32; 2],
-    /// m; 0 where there is none.
+    /// m; 0 if none.
     pub(crate) depth: f32,
     pub(crate) level: u8,
-    /// Two of one look differ by nothing, two of different looks by about 128 bits.
+    /// Seed of the descriptor: equal ones have equal descriptors, others differ by about 128 bits.
     pub(crate) look: u64,
-    /// Bits of the descriptor that are noise.
+    /// Number of flipped descriptor bits.
     pub(crate) noise: u32,
     pub(crate) mappable: bool,
 }
@@ -29,7 +28,6 @@ pub(crate) fn camera() -> Camera {
     Camera::pinhole(640, 480, [500.0, 500.0, 319.5, 239.5])
 }
 
-/// A keyframe in which nothing was found.
 pub(crate) fn blank_keyframe(stamp: f64) -> KeyframeData {
     let camera = camera();
     KeyframeData {
@@ -46,14 +44,13 @@ pub(crate) fn blank_keyframe(stamp: f64) -> KeyframeData {
     }
 }
 
-/// Numbers that look random.
 pub(crate) fn hash(seed: u64) -> u64 {
     let h = seed.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     let h = (h ^ (h >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     (h ^ (h >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB) ^ (h >> 31)
 }
 
-/// A camera that looks along z from a place, m.
+/// A camera at this position (m), looking along z.
 pub(crate) fn at(x: f64, y: f64, z: f64) -> Se3 {
     Se3 {
         translation: Vec3::new(x, y, z),
@@ -61,13 +58,13 @@ pub(crate) fn at(x: f64, y: f64, z: f64) -> Se3 {
     }
 }
 
-/// The point of a number: all lie in a block 2 m wide and 1.2 m high, 2 to 3 m before the origin.
+/// Point of a number: all lie in a block 2 m wide and 1.2 m high, 2 to 3 m in front of the origin.
 pub(crate) fn point(number: usize) -> Vec3 {
     let share = |axis: u64| (hash(3 * number as u64 + axis) >> 11) as f64 / (1_u64 << 53) as f64;
     Vec3::new(2.0 * share(0) - 1.0, 1.2 * share(1) - 0.6, 2.0 + share(2))
 }
 
-/// How a camera sees a point of some look: with its depth, on the finest level.
+/// Observation of a point with depth, on the finest level.
 pub(crate) fn see(point: &Vec3, look: usize, world_from_camera: &Se3) -> Feature {
     let p = world_from_camera.inverse().transform(point);
     let pixel = camera().project(&p);
@@ -81,7 +78,7 @@ pub(crate) fn see(point: &Vec3, look: usize, world_from_camera: &Se3) -> Feature
     }
 }
 
-/// How a camera sees some of the points, each with the look of its number.
+/// Observations of numbered points, with their own appearances.
 pub(crate) fn see_points(
     numbers: impl IntoIterator<Item = usize>,
     world_from_camera: &Se3,
@@ -90,7 +87,6 @@ pub(crate) fn see_points(
     numbers.into_iter().map(see).collect()
 }
 
-/// What a frame saw.
 pub(crate) fn data(features: &[Feature]) -> Arc<KeyframeData> {
     let keypoint = |f: &Feature| Keypoint {
         x: f.pixel[0],
@@ -127,10 +123,9 @@ pub(crate) fn data(features: &[Feature]) -> Arc<KeyframeData> {
     })
 }
 
-/// A map of the points.
 pub(crate) struct World {
     pub(crate) map: Map,
-    /// The landmark of each point that a keyframe saw, by submap.
+    /// The landmark of each observed point, by submap.
     pub(crate) landmarks: BTreeMap<(u32, usize), LandmarkId>,
 }
 
@@ -142,7 +137,7 @@ impl World {
         }
     }
 
-    /// Adds a keyframe that observes some points; without a parent it begins a submap.
+    /// Adds a keyframe that observes some points; without a parent it starts a submap.
     pub(crate) fn add(
         &mut self,
         id: u32,
@@ -176,20 +171,19 @@ impl World {
 
 /// Size of images of the wall, px: chosen, half of 640x480 along each side, so that tests are quick.
 pub(crate) const WALL: [usize; 2] = [320, 240];
-/// How far the wall is away, m: chosen, well within the range of a depth camera.
+/// Distance of the wall, m: chosen, well within the range of a depth camera.
 pub(crate) const WALL_M: f32 = 1.5;
 
-/// A camera of the wall.
 pub(crate) fn wall_camera() -> Camera {
     Camera::pinhole(320, 240, [260.0, 260.0, 159.5, 119.5])
 }
 
-/// By how much a camera is aside that sees the wall shifted by so many px, m.
+/// Sideways displacement, m, of a camera that sees the wall shifted by `shift` px.
 pub(crate) fn aside(shift: f64) -> f64 {
     shift * f64::from(WALL_M) / wall_camera().fx
 }
 
-/// A wall with the grey of each of its pixels, as a frame of 30 Hz.
+/// A frame of a wall with these grey levels, at 30 Hz.
 pub(crate) fn wall(id: u32, grey: impl Fn(usize, usize) -> u8) -> RgbdFrame {
     let [width, height] = WALL;
     let stamp = f64::from(id) / 30.0;
@@ -205,7 +199,7 @@ pub(crate) fn wall(id: u32, grey: impl Fn(usize, usize) -> u8) -> RgbdFrame {
     }
 }
 
-/// The grey of a wall of blocks of 4 px, which have corners; `paint` tells one wall from another.
+/// Texture of a wall of blocks of 4 px, which have corners; `paint` is a seed.
 pub(crate) fn blocks(paint: u64, x: usize, y: usize) -> u8 {
     (hash(paint << 40 | ((x / 4) as u64) << 20 | (y / 4) as u64) >> 56) as u8
 }

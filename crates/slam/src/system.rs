@@ -1,4 +1,4 @@
-//! The inline driver: every stage in one thread, every reply after a fixed number of frames.
+//! The inline driver: all stages in one thread, with replies delayed by fixed numbers of frames.
 
 use crate::config::{Config, Schedule};
 use crate::event::Event;
@@ -16,29 +16,28 @@ use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{FrameId, ImuSample, OdometrySample, RgbdFrame, Simd, Workers};
 use stillpoint_map::{Map, MapView};
 
-/// RGB-D SLAM, driven frame by frame. The same frames, configuration and seed give the same result, bit for bit.
+/// RGB-D SLAM, driven frame by frame. The same frames, configuration and seed give bit-identical results.
 ///
-/// It is an [`Exchange`] with a schedule: at every frame it carries out the entries that are due.
+/// An [`Exchange`] with a schedule: at every frame it executes the entries that are due.
 pub struct System {
     exchange: Exchange,
     schedule: Schedule,
-    /// Views that the tracker is to take, by their numbers.
+    /// Views to deliver to the tracker, by number.
     views: Due<u64>,
-    /// Places that the tracker is to take, by their numbers.
+    /// Place indices to deliver to the tracker, by number.
     places: Due<u64>,
-    /// Corrections that the mapper is to take.
+    /// Corrections to deliver to the mapper.
     corrections: Due<()>,
-    /// What the detector said.
+    /// Detections to deliver to the tracker.
     detections: Due<Detections>,
     detector: Option<Box<dyn Detector>>,
     detector_stride: u64,
-    /// Frames taken.
     step: u64,
-    /// What was carried out, when that is wanted.
+    /// Executed entries, if a log is wanted.
     log: Option<Vec<LogEntry>>,
 }
 
-/// What waits until its step comes, in the order in which it came.
+/// Items waiting for their step, in order of arrival.
 struct Due<T>(VecDeque<(u64, T)>);
 
 impl<T> Default for Due<T> {
@@ -52,7 +51,7 @@ impl<T> Due<T> {
         self.0.push_back((step, value));
     }
 
-    /// The next one that is due at this step.
+    /// The next item that is due at this step.
     fn pop(&mut self, now: u64) -> Option<T> {
         self.0.front().filter(|(due, _)| *due <= now)?;
         self.0.pop_front().map(|(_, value)| value)
@@ -63,7 +62,6 @@ impl<T> Due<T> {
 const END: u64 = u64::MAX;
 
 impl From<Stages> for System {
-    /// The inline driver for these stages.
     fn from(stages: Stages) -> Self {
         Self {
             schedule: stages.config().schedule,
@@ -84,53 +82,53 @@ impl System {
     /// A system for one camera.
     ///
     /// # Errors
-    /// [`ConfigError`] when a field is out of range.
+    /// [`ConfigError`] if a field is out of range.
     pub fn new(config: Config, camera: Camera, simd: Simd) -> Result<Self, ConfigError> {
         Stages::new(config, camera, simd).map(Self::from)
     }
 
-    /// The system with a detector, which looks at every frame, or at every so many (`detector.stride`) from the first on.
+    /// Adds a detector, which processes every frame, or every n-th (`detector.stride`) from the first on.
     #[must_use]
     pub fn with_detector(mut self, detector: Box<dyn Detector>) -> Self {
         self.detector = Some(detector);
         self
     }
 
-    /// The system with threads that share the work on a frame. The result is the same, bit for bit. To be called before the first frame.
+    /// Shares the work on a frame among threads. Results stay bit-identical. Call before the first frame.
     #[must_use]
     pub fn with_workers(mut self, workers: Workers) -> Self {
         self.exchange = self.exchange.with_workers(workers);
         self
     }
 
-    /// The system with a map that is there already, to be resumed or to be localized in. Until a place in it is recognised
-    /// the camera is lost. To be called before the first frame.
+    /// Starts with an existing map, to extend it or only localise in it. The camera is lost until a place in it is
+    /// recognised. Call before the first frame.
     ///
     /// # Errors
-    /// [`StartError`] when nothing can be recognised in that map.
+    /// [`StartError`] if places of that map cannot be recognised.
     pub fn with_map(mut self, map: Map, map_use: MapUse) -> Result<Self, StartError> {
         self.exchange = self.exchange.with_map(map, map_use)?;
         Ok(self)
     }
 
-    /// The system with a log, which [`System::log`] gives at any time: with the same frames, [`Replay`](crate::Replay) gives the
-    /// same result from it, bit for bit, and needs no detector. To be called before the first frame. It takes about 300 bytes
-    /// per frame, and 30 per detection.
+    /// Records a log, available from [`System::log`] at any time: with the same frames, [`Replay`](crate::Replay)
+    /// reproduces the results from it bit for bit, without a detector. Call before the first frame. Takes about 300
+    /// bytes per frame, and 30 per detection.
     #[must_use]
     pub fn with_log(mut self) -> Self {
         self.log = Some(Vec::new());
         self
     }
 
-    /// Takes the next frame and says what happened, in the order that [`Event`] states.
-    /// A frame that does not follow the one before changes nothing: [`Event::Refused`] is all that is said then.
+    /// Processes the next frame and returns the events in the order documented at [`Event`]. An out-of-order frame
+    /// changes nothing and returns only [`Event::Refused`].
     pub fn step(&mut self, frame: RgbdFrame) -> Vec<Event> {
         self.step_with(frame, None)
     }
 
-    /// Takes the next frame with what a detector of the caller's saw in it, best score first. It reaches the tracker
-    /// `schedule.detector` frames later, as the answer of [`System::with_detector`] does, which is not asked then. An empty list means
-    /// that somebody looked and saw nothing; `None` is [`System::step`].
+    /// Processes the next frame with the caller's detections in it, best score first. They reach the tracker
+    /// `schedule.detector` frames later, and replace the detector of [`System::with_detector`] for this frame. An empty
+    /// list is a detection without objects; `None` is the same as [`System::step`].
     pub fn step_with(&mut self, frame: RgbdFrame, seen: Option<Vec<Detection>>) -> Vec<Event> {
         if let Err(refused) = self.exchange.admit(&frame) {
             return vec![Event::Refused(refused)];
@@ -154,8 +152,8 @@ impl System {
         events
     }
 
-    /// Takes samples of the inertial sensor, in order of time: before the frame that they lead to, and where there is one with the first sample after
-    /// it. Without a sensor ([`Stages::with_imu`]) they are left out.
+    /// Takes samples of the inertial sensor in order of time: call before the frame that they lead to, preferably
+    /// including the first sample after it. Ignored without a sensor ([`Stages::with_imu`]).
     pub fn receive_inertial(&mut self, samples: Vec<ImuSample>) {
         if samples.is_empty() || !self.exchange.stages().tracker.has_imu() {
             return;
@@ -164,7 +162,7 @@ impl System {
         self.carry_out(entry, None, &mut Vec::new());
     }
 
-    /// The same of odometry: without any ([`Stages::with_odometry`]) its samples are left out.
+    /// Likewise for odometry samples, which are ignored without odometry ([`Stages::with_odometry`]).
     pub fn receive_odometry(&mut self, samples: Vec<OdometrySample>) {
         if samples.is_empty() || !self.exchange.stages().tracker.has_odometry() {
             return;
@@ -173,8 +171,8 @@ impl System {
         self.carry_out(entry, None, &mut Vec::new());
     }
 
-    /// Ends the stream: delivers the corrections, views and places that are still outstanding, tracks first frames of the map again that were still to
-    /// be, and says what happened.
+    /// Ends the stream: delivers outstanding corrections, views and places, completes retracing of first frames, and
+    /// returns the events.
     pub fn finish(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
         self.deliver_corrections(END, &mut events);
@@ -188,7 +186,7 @@ impl System {
         events
     }
 
-    /// Shows the tracker the views and places that are due.
+    /// Delivers the views and place indices that are due to the tracker.
     fn deliver_map(&mut self, now: u64, events: &mut Vec<Event>) {
         while let Some(answer) = self.views.pop(now) {
             self.carry_out(LogEntry::TrackView { answer }, None, events);
@@ -198,7 +196,8 @@ impl System {
         }
     }
 
-    /// Lets the detector look at a frame whose turn it is. Its answer is due some steps later; a failure is reported at once.
+    /// Runs the detector if this frame is due. Detections are delivered some steps later; a failure is reported at
+    /// once.
     fn detect(&mut self, frame: &RgbdFrame, events: &mut Vec<Event>) {
         let Some(detector) = &mut self.detector else {
             return;
@@ -216,13 +215,12 @@ impl System {
         }
     }
 
-    /// Has detections be due when the schedule says.
     fn expect(&mut self, detections: Detections) {
         let due = self.step + u64::from(self.schedule.detector);
         self.detections.push(due, detections);
     }
 
-    /// Tells the tracker the detections that are due, before it takes the frame `next`.
+    /// Delivers the detections that are due, before frame `next`.
     fn deliver_detections(&mut self, next: FrameId, events: &mut Vec<Event>) {
         while let Some(detections) = self.detections.pop(self.step) {
             let said = Ok(detections);
@@ -231,14 +229,14 @@ impl System {
         }
     }
 
-    /// Hands the mapper what the tracker sent it.
+    /// Delivers the tracker's messages to the mapper.
     fn build_map(&mut self, events: &mut Vec<Event>) {
         while let Some(entry) = self.exchange.next_for_mapper() {
             self.map_message(entry, events);
         }
     }
 
-    /// Hands the mapper the corrections that are due.
+    /// Delivers the corrections that are due to the mapper.
     fn deliver_corrections(&mut self, now: u64, events: &mut Vec<Event>) {
         while self.corrections.pop(now).is_some() {
             if let Some(entry) = self.exchange.next_correction() {
@@ -247,8 +245,8 @@ impl System {
         }
     }
 
-    /// Has the mapper take a message. Its view is due some steps later; the loop closer gets it at once, and what that
-    /// answers is due some steps later.
+    /// Delivers a message to the mapper, and its report to the loop closer at once. Their replies are delivered some
+    /// steps later.
     fn map_message(&mut self, entry: LogEntry, events: &mut Vec<Event>) {
         self.carry_out(entry, None, events);
         let due = self.step + 1 + u64::from(self.schedule.mapper);
@@ -257,7 +255,7 @@ impl System {
             self.carry_out(entry, None, events);
             let later = self.step + u64::from(self.schedule.loop_closer);
             self.places.push(later + 1, self.exchange.places_sent() - 1);
-            // The loop closer finds no other loop before this one is in the map: one correction waits at most.
+            // The loop closer closes no other loop until this one is applied: at most one correction waits.
             if self.corrections.0.is_empty() && self.exchange.next_correction().is_some() {
                 self.corrections.push(later, ());
             }
@@ -277,13 +275,12 @@ impl System {
                     log.push(entry);
                 }
             }
-            // Entries are made from what waits in the exchange.
+            // Entries are made from messages waiting in the exchange.
             Err(e) => debug_assert!(false, "{e}"),
         }
     }
 
-    /// The log of the run until now; none unless [`System::with_log`] was called. After [`System::finish`] it is that of the whole
-    /// run.
+    /// The log up to this frame; `None` without [`System::with_log`]. Complete after [`System::finish`].
     #[must_use]
     pub fn log(&self) -> Option<RunLog> {
         let entries = self.log.clone()?;
@@ -301,44 +298,44 @@ impl System {
         self.detector.as_deref()
     }
 
-    /// All loop candidates so far and their outcomes, in the order of keyframes.
+    /// All loop candidates and their outcomes, in the order of keyframes.
     #[must_use]
     pub fn loops(&self) -> &[LoopReport] {
         self.exchange.loops()
     }
 
-    /// The frames tracked so far, each with its pose relative to a keyframe and as it was known at that frame.
+    /// All tracked frames, each with its pose relative to a keyframe and as estimated at that frame.
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
         self.exchange.trajectory()
     }
 
-    /// The frames tracked so far with their poses `world_from_camera` after all corrections until now: through the newest
-    /// version of the map, and smoothed ([`Trajectory::smoothed`]).
+    /// All tracked frames with poses `world_from_camera` from the newest version of the map, smoothed
+    /// ([`Trajectory::smoothed`]).
     #[must_use]
     pub fn corrected_trajectory(&self) -> Vec<(TrajectoryEntry, Se3)> {
         self.trajectory().smoothed(&self.view())
     }
 
-    /// When the parts of a frame are exposed, as estimated so far.
+    /// Estimated exposure timing.
     #[must_use]
     pub fn timing(&self) -> Timing {
         self.exchange.timing()
     }
 
-    /// The map as the mapper has it now: that of [`System::view`]. [`Map::to_bytes`] of it is a map file, at any time.
+    /// The mapper's map, of which [`System::view`] is a view. [`Map::to_bytes`] makes a map file of it, at any time.
     #[must_use]
     pub fn map(&self) -> &Map {
         self.exchange.map()
     }
 
-    /// The map, when the run is over.
+    /// The map at the end of the run.
     #[must_use]
     pub fn into_map(self) -> Map {
         self.exchange.into_map()
     }
 
-    /// The newest version of the map, whether the tracker has seen it yet or not.
+    /// The newest version of the map, which the tracker may not have received yet.
     #[must_use]
     pub fn view(&self) -> Arc<MapView> {
         self.exchange.view()

@@ -1,23 +1,23 @@
-//! When the parts of a frame were exposed, as estimated, and how that is kept with a map.
+//! Estimated exposure timing, and its storage in map files.
 
 use stillpoint_map::Extension;
 
-/// When the parts of a frame were exposed, relative to its stamp.
+/// Exposure times of the parts of a frame, relative to its stamp.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Timing {
-    /// Time from the exposure of the first row to that of the last, s; the stamp is that of the middle row.
+    /// Readout time from the exposure of the first row to the last, s; the stamp is that of the middle row.
     pub readout: f64,
-    /// Standard deviation of the readout, s; 0 where it is stated rather than estimated.
+    /// Standard deviation of the readout, s; 0 if configured rather than estimated.
     pub readout_sigma: f64,
     /// Age of the depth image at its stamp, s.
     pub depth_delay: f64,
 }
 
 impl Timing {
-    /// Name of the extension of map files that holds the readout of the map's camera.
+    /// Name of the map file extension that holds the readout of the map's camera.
     pub const EXTENSION: &str = "stillpoint/readout";
 
-    /// The readout and its standard deviation as an extension of a map file: two doubles, little-endian, s.
+    /// Readout and standard deviation as a map file extension: two little-endian doubles, s.
     #[must_use]
     pub fn to_extension(&self) -> Extension {
         let numbers = [self.readout, self.readout_sigma];
@@ -27,7 +27,7 @@ impl Timing {
         }
     }
 
-    /// Readout and standard deviation (s) of what [`Timing::to_extension`] wrote; none where that is not what these bytes are.
+    /// Readout and standard deviation (s) from [`Timing::to_extension`]; `None` for invalid bytes.
     #[must_use]
     pub fn readout_in(bytes: &[u8]) -> Option<[f64; 2]> {
         let (numbers, rest) = bytes.as_chunks::<8>();

@@ -1,4 +1,4 @@
-//! The trajectory: what each frame's pose was when it was tracked, and what it is after all corrections.
+//! The trajectory, as tracked and after all corrections.
 
 use crate::anchored_pose::AnchoredPose;
 use crate::fingerprint::Fingerprint;
@@ -8,30 +8,31 @@ use stillpoint_geometry::{Se3, Vec3, so3};
 use stillpoint_imaging::FrameId;
 use stillpoint_map::{KeyframeId, MapView};
 
-/// One frame of the trajectory. Its pose is relative to a keyframe, whose own pose may still improve. It is rewritten only when the first
-/// frames of a map are tracked again ([`Retracer`](crate::Retracer)).
+/// One frame of the trajectory, with its pose relative to a keyframe that may still be optimised. Rewritten only by
+/// retracing ([`Retracer`](crate::Retracer)).
 #[derive(Clone, Copy, Debug)]
 pub struct TrajectoryEntry {
     /// The frame.
     pub frame: FrameId,
     /// Its colour stamp, s.
     pub stamp: f64,
-    /// Its pose, by keyframes.
+    /// Pose relative to keyframes.
     pub pose: AnchoredPose,
-    /// Landmark matches that agreed with the pose.
+    /// Inlier landmark matches.
     pub inliers: u32,
-    /// Whether its direction was carried by the gyroscope, and its place by little or nothing ([`Outcome::Carried`](crate::Outcome::Carried)).
+    /// Whether the pose was propagated without enough visual measurements
+    /// ([`Outcome::Carried`](crate::Outcome::Carried)).
     pub carried: bool,
 }
 
-/// All frames in which a pose was measured, in order.
+/// All frames with a pose, in order.
 #[derive(Clone, Debug, Default)]
 pub struct Trajectory {
     entries: Vec<TrajectoryEntry>,
     revision: u64,
 }
 
-/// Frames that were tracked later.
+/// Later frames.
 impl Extend<TrajectoryEntry> for Trajectory {
     fn extend<I: IntoIterator<Item = TrajectoryEntry>>(&mut self, entries: I) {
         self.entries.extend(entries);
@@ -39,12 +40,11 @@ impl Extend<TrajectoryEntry> for Trajectory {
 }
 
 impl Trajectory {
-    /// Appends an entry.
     pub(crate) fn push(&mut self, entry: TrajectoryEntry) {
         self.entries.push(entry);
     }
 
-    /// Replaces the entries from one frame to another by `new`, which are in order.
+    /// Replaces the entries from one frame to another by `new`, which is in order.
     pub(crate) fn replace(&mut self, first: FrameId, last: FrameId, new: Vec<TrajectoryEntry>) {
         let from = self.entries.partition_point(|e| e.frame < first);
         let to = self.entries.partition_point(|e| e.frame <= last);
@@ -52,7 +52,6 @@ impl Trajectory {
         self.revision += 1;
     }
 
-    /// Forgets all entries but the newest.
     pub(crate) fn keep_newest(&mut self, most: usize) {
         let old = self.entries.len().saturating_sub(most);
         if old > 0 {
@@ -61,7 +60,7 @@ impl Trajectory {
         }
     }
 
-    /// How often entries that were there were replaced or forgotten.
+    /// Number of times that existing entries were replaced or dropped.
     #[must_use]
     pub fn revision(&self) -> u64 {
         self.revision
@@ -73,12 +72,13 @@ impl Trajectory {
         &self.entries
     }
 
-    /// The final pose of every entry: that of the keyframe that the frame became, else through its reference keyframe in `view`. A
-    /// culled keyframe resolves through its tombstone; an entry none of whose keyframes is in `view` yet keeps its online pose.
+    /// Final pose of every entry: that of the keyframe made from the frame, else relative to its reference keyframe in
+    /// `view`. Culled keyframes resolve through their tombstones; an entry without keyframes in `view` keeps its online
+    /// pose.
     ///
-    /// What the map has learnt of a keyframe since it was measured (refinement, loops) holds for the frames that led to it as well:
-    /// it is spread over them, linearly in time, where they were measured from the same keyframe, as far as it is more than what the
-    /// keyframe itself may have been off by chance.
+    /// Corrections of a keyframe since it was measured (bundle adjustment, loops) are distributed over the frames
+    /// before it, linearly in time, if these were measured from the same keyframe, and as far as they exceed the
+    /// keyframe's own error.
     pub fn resolve<'a>(
         &'a self,
         view: &'a MapView,
@@ -96,9 +96,9 @@ impl Trajectory {
         })
     }
 
-    /// The final poses, each of which is what the camera most probably did by those of [`Trajectory::resolve`] before and after it: these err by themselves, and
-    /// no hand and no robot moves a camera as they jitter. Frames in a row of one submap count, without a gap of a quarter of a second; poses that were carried
-    /// stay. Takes time in proportion to the entries: a tenth of a second for 10 minutes at 30 Hz.
+    /// The final poses of [`Trajectory::resolve`], smoothed to the most probable camera path: their jitter exceeds the
+    /// motion of hands and robots. Applies to consecutive frames of one submap without a gap of a quarter of a second;
+    /// propagated poses are unchanged. Linear time: a tenth of a second for 10 minutes at 30 Hz.
     #[must_use]
     pub fn smoothed(&self, view: &MapView) -> Vec<(TrajectoryEntry, Se3)> {
         let mut all: Vec<(TrajectoryEntry, Se3)> = self.resolve(view).collect();
@@ -119,8 +119,7 @@ impl Trajectory {
         all
     }
 
-    /// A number that depends on every bit of every entry and of its final pose: two runs with the same one are the same, bit
-    /// for bit.
+    /// Hash of all bits of every entry and its final pose; equal for bit-identical runs.
     #[must_use]
     pub fn digest(&self, view: &MapView) -> u64 {
         let mut f = Fingerprint::default();
@@ -144,27 +143,29 @@ impl Trajectory {
     }
 }
 
-/// A frame that became a keyframe which the map holds.
+/// A frame whose keyframe is in the map.
 struct Node {
     frame: FrameId,
     stamp: f64,
     keyframe: KeyframeId,
-    /// The keyframe that its pose was measured from.
+    /// Keyframe relative to which its pose was measured.
     reference: KeyframeId,
-    /// What the map has learnt of it since.
+    /// Correction since.
     learnt: Learnt,
 }
 
-/// What measuring a keyframe again may change by chance, rad: a third of a pixel of a usual camera, or 1.4 mm at [`TYPICAL_DEPTH`]. That is the
-/// keyframe's own error and tells nothing of the frames before it. A third of a pixel is what flow was found to err by (decision 21).
+/// Random error of a keyframe's measurement, rad: a third of a pixel of a usual camera, or 1.4 mm at [`TYPICAL_DEPTH`].
+/// It is the keyframe's own and does not apply to the frames before it. A third of a pixel is the measured error of
+/// flow (decision 21).
 const NOISE: f64 = 0.0007;
 
-/// Frames farther apart than this say nothing about each other's jitter, s: chosen, as long as errors of poses last (`covariance::LASTS_S`).
+/// Maximum interval between frames smoothed together, s: chosen, as long as errors of poses last
+/// (`covariance::LASTS_S`).
 const LONGEST_GAP: f64 = 0.25;
-/// Stamps closer to each other than this cannot belong to two frames, s: chosen, as no camera takes 10 000 frames per second.
+/// Minimum interval between two frames, s: chosen, as no camera takes 10 000 frames per second.
 const SHORTEST_GAP: f64 = 1e-4;
 
-/// How a pose differs from the one that was measured.
+/// Difference of a pose from the measured one.
 #[derive(Clone, Copy, Default)]
 struct Learnt {
     /// Rotation vector in the world's axes, rad.
@@ -194,12 +195,12 @@ impl Node {
         }
     }
 
-    /// What a frame before this one learns from it, if it was measured from the same keyframe: its share by time since the
-    /// keyframe before.
+    /// Correction of a frame before this one, if measured from the same keyframe: its share by time since the keyframe
+    /// before.
     fn spread_to(&self, entry: &TrajectoryEntry, before: Option<&Self>) -> Option<Learnt> {
         let reference = entry.pose.reference;
         let before = before.filter(|_| reference == self.reference && entry.frame < self.frame)?;
-        // A keyframe is where it is: who was measured from it has nothing to learn there.
+        // The reference keyframe itself has no correction relative to itself.
         let known = before.reference == reference && before.keyframe != reference;
         let from = if known {
             before.learnt
@@ -207,7 +208,7 @@ impl Node {
             Learnt::default()
         };
         let share = (entry.stamp - before.stamp) / (self.stamp - before.stamp);
-        // How much of the change is more than chance (a Wiener filter's gain).
+        // Wiener gain: the part of the change that exceeds noise.
         let change = from.difference(&self.learnt);
         let trust = change * change / (change * change + NOISE * NOISE);
         Some(from.towards(&self.learnt, share.clamp(0.0, 1.0) * trust))
@@ -222,7 +223,7 @@ impl Learnt {
         }
     }
 
-    /// How far the view of a thing at [`TYPICAL_DEPTH`] is apart by both, rad.
+    /// Angular difference of a point at [`TYPICAL_DEPTH`] under both corrections, rad.
     fn difference(&self, other: &Self) -> f64 {
         let turned = (self.rotation - other.rotation).norm();
         let moved = (self.translation - other.translation).norm();

@@ -1,53 +1,58 @@
-//! Whether a sensor beside the camera moves as the camera does: motions of both are compared while the camera is tracked well.
+//! Trust in a motion sensor, from comparisons with the camera's motion while it is tracked well.
 
 use stillpoint_geometry::Vec3;
 
-/// Motions are compared over so long, s: what poses err by is small beside what a bias makes of it, and nothing else changed meanwhile. Chosen: the
-/// offset of a BMI055 (data sheet, 1 deg/s) makes 8.7 mrad, over three times [`POSES_SIGMA`].
+/// Interval of compared motions, s: long enough that a bias exceeds pose errors, short enough that nothing else
+/// changes. Chosen: the offset of a BMI055 (data sheet, 1 deg/s) makes 8.7 mrad, over three times [`POSES_SIGMA`].
 const SPAN_S: f64 = 0.5;
-/// Poses that are farther apart are not compared, s: a bias that is not known makes too much of it. Chosen: that of a BMI055 (data sheet, 1 deg/s)
-/// makes 2 degrees, beyond [`SLACK`].
+/// Maximum interval between compared poses, s: an unknown bias accumulates. Chosen: that of a BMI055 (data sheet, 1
+/// deg/s) makes 2 degrees, beyond [`SLACK`].
 const LONGEST_S: f64 = 2.0;
-/// What two poses err by, one standard deviation about each axis, rad: 0.15 degrees with a rolling shutter.
+/// Error of the rotation between two poses, one standard deviation about each axis, rad: 0.15 degrees with a rolling
+/// shutter.
 pub(crate) const POSES_SIGMA: f64 = 0.0026;
-/// Least turn of the camera that shows whether the axes of a sensor are right, rad: chosen, 3 degrees, nearly twenty times [`POSES_SIGMA`].
+/// Minimum rotation of the camera to verify the axes of a sensor, rad: chosen, 3 degrees, nearly twenty times
+/// [`POSES_SIGMA`].
 const TELLING: f64 = 0.05;
-/// Least displacement of the camera that shows whether the axes of a sensor are right, m: chosen, ten times what a pose is allowed to err by
+/// Minimum displacement of the camera to verify the axes of a sensor, m: chosen, ten times the allowed pose error
 /// (`known::GATE_POSE_M`).
 const TELLING_M: f64 = 0.05;
-/// Sensor and camera may differ by this share of the turn, or of the displacement: scale, time and mount err. Chosen: three times the slip of an
-/// indoor robot's turns (3 %).
+/// Allowed difference between sensor and camera, as a share of the rotation, or of the displacement: scale, time and
+/// mount err. Chosen: three times the slip of an indoor robot's turns (3 %).
 const SHARE: f64 = 0.1;
-/// Sensor and camera may differ by this angle in addition, rad: a still unknown bias of 2 deg/s causes as much within [`SPAN_S`], which is twice the
+/// Additional allowed angle, rad: a still unknown bias of 2 deg/s causes as much within [`SPAN_S`], which is twice the
 /// offset of a BMI055 (data sheet).
 const SLACK: f64 = 0.02;
-/// Sensor and camera may differ in addition by this many standard deviations of the sensor's unknown error, if that exceeds [`SLACK`]: 99.9 % of three axes.
+/// Additional allowance in standard deviations of the sensor's unknown error, if that exceeds [`SLACK`]: 99.9 % of
+/// three axes.
 const UNKNOWN_SIGMAS: f64 = 4.03;
-/// Sensor and camera may differ by this displacement in addition, m: two poses err, and the base rolls and springs. Chosen: four times
+/// Additional allowed displacement, m: two poses err, and the base rolls and springs. Chosen: four times
 /// `known::GATE_POSE_M`.
 const SLACK_M: f64 = 0.02;
-/// A turn swings a camera that is mounted some centimetres otherwise, m/rad: chosen, a lever of ten centimetres.
+/// Displacement per rotation of a camera whose mount is off by some centimetres, m/rad: chosen, a lever of ten
+/// centimetres.
 const SWING: f64 = 0.1;
-/// A sensor counts as wrong after this many failed comparisons in a row: chosen, as single ones fail when the map is corrected or the camera rides on
-/// somebody.
+/// Consecutive failed comparisons after which a sensor counts as wrong: chosen, as single ones fail when the map is
+/// corrected or the pose follows a moving object.
 const FAILURES: u32 = 3;
-/// A sensor that was found wrong counts as right again after this many successful comparisons in a row: chosen, more than [`FAILURES`], so that it
-/// does not change to and fro.
+/// Consecutive successful comparisons after which a wrong sensor counts as right again: chosen, more than [`FAILURES`],
+/// so that it does not change to and fro.
 const SUCCESSES: u32 = 5;
-/// Where the camera may have ridden on somebody, so many failures in a row refute a sensor that has never agreed: as many as [`SUCCESSES`], chosen.
+/// Consecutive failures that refute a sensor that has never agreed even when the pose may follow a moving object: as
+/// many as [`SUCCESSES`], chosen.
 const DOUBTS: u32 = 5;
-/// Frames in which a sensor that is not confirmed stands against all that is seen, until it is not believed: a right one differed in 3 of 134 frames,
-/// a wrong one in 97 to 100 % (decision 39).
+/// Frames in which an unconfirmed sensor may contradict the majority of the image before it is distrusted: a right one
+/// differed in 3 of 134 frames, a wrong one in 97 to 100 % (decision 39).
 const AGAINST: u32 = 10;
 
-/// How far a sensor is believed that has a fault of its kind where it is not.
+/// Trust in a sensor, with the fault if it is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorState<F> {
-    /// It is listened to, and the camera has not moved enough yet to tell whether both agree.
+    /// In use, but the camera has not moved enough to verify it.
     Unconfirmed,
-    /// It is listened to, and moved as the camera did.
+    /// In use, and verified against the camera's motion.
     Confirmed,
-    /// It is not listened to.
+    /// Not used.
     Ignored(F),
 }
 
@@ -61,18 +66,16 @@ impl<F: std::fmt::Display> std::fmt::Display for SensorState<F> {
     }
 }
 
-/// What came of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Comparison {
-    /// Sensor and camera moved alike.
     pub(crate) agrees: bool,
-    /// They moved by enough to tell.
+    /// They moved enough to be conclusive.
     tells: bool,
 }
 
 impl Comparison {
-    /// By how much the camera turned, rad, and by which rotation vector the sensor differs; what is not known of it yet makes `unknown` of that, one standard
-    /// deviation about an axis.
+    /// Compares rotations: `turned` is the camera's angle, rad, `offset` the difference as rotation vector, `unknown`
+    /// its standard deviation about an axis due to the sensor's unknown error.
     pub(crate) fn of_turn(turned: f64, offset: &Vec3, unknown: f64) -> Self {
         let slack = SLACK.max(UNKNOWN_SIGMAS * unknown);
         Self {
@@ -81,7 +84,7 @@ impl Comparison {
         }
     }
 
-    /// The same of a motion: also how far the camera moved and by how much the sensor differs, m.
+    /// Compares motions: also the camera's displacement `moved` and the difference `shift`, m.
     pub(crate) fn of_motion(turned: f64, offset: &Vec3, moved: f64, shift: f64) -> Self {
         let turn = Self::of_turn(turned, offset, 0.0);
         Self {
@@ -91,23 +94,22 @@ impl Comparison {
     }
 }
 
-/// A pose that was tracked well, or its rotation.
+/// A reliable pose, or its rotation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seen<P> {
-    /// By the frames' clock, s.
+    /// On the frames' clock, s.
     pub(crate) time: f64,
     pub(crate) world_from_camera: P,
 }
 
-/// How often both agreed.
 #[derive(Clone, Debug)]
 pub(crate) struct Trust<P> {
-    /// From where the present comparison began.
+    /// Start of the current comparison.
     anchor: Option<Seen<P>>,
     confirmed: bool,
     contradicts: bool,
     failures: u32,
-    /// Failures of a sensor that never agreed, where the camera may have ridden on somebody.
+    /// Failures of a sensor that never agreed, while the pose may follow a moving object.
     doubts: u32,
     successes: u32,
     against: u32,
@@ -136,12 +138,12 @@ impl<P: Copy> Trust<P> {
         self.contradicts
     }
 
-    /// The camera was not tracked well: what comes next is compared from anew.
+    /// Called when tracking was unreliable: the next comparison starts anew.
     pub(crate) fn interrupt(&mut self) {
         self.anchor = None;
     }
 
-    /// Takes a pose. Returns the one to compare it with, once it is old enough, and begins anew with this one.
+    /// Takes a pose. Returns the pose to compare it with, once that is old enough, and restarts from this one.
     pub(crate) fn follow(&mut self, seen: Seen<P>) -> Option<Seen<P>> {
         let anchor = *self.anchor.get_or_insert(seen);
         let age = seen.time - anchor.time;
@@ -151,7 +153,8 @@ impl<P: Copy> Trust<P> {
         (SPAN_S..=LONGEST_S).contains(&age).then_some(anchor)
     }
 
-    /// Takes a comparison. Where the camera may have ridden on somebody, that `can_refute` nothing. True when both agree.
+    /// Records a comparison; `can_refute` is false while the pose may follow a moving object. Returns whether both
+    /// agree.
     pub(crate) fn compare(&mut self, seen: Comparison, can_refute: bool) -> bool {
         let agrees = seen.agrees;
         if !agrees && !can_refute {
@@ -172,7 +175,8 @@ impl<P: Copy> Trust<P> {
         agrees
     }
 
-    /// Most of the image agrees on another turn than the sensor's: a large group that moves, unless nothing has confirmed the sensor yet.
+    /// Records that most of the image contradicts the sensor: a large moving group, unless the sensor is still
+    /// unconfirmed.
     pub(crate) fn stand_against(&mut self) {
         self.against += 1;
         if !self.confirmed && self.against >= AGAINST {
@@ -220,7 +224,8 @@ mod tests {
         let mut trust = Trust::<()>::default();
         assert!(trust.compare(turn(0.0, 0.001), true) && !trust.is_confirmed());
         assert!(trust.compare(turn(0.3, 0.03), true) && trust.is_confirmed());
-        // Where much moves, that says nothing against a sensor that agreed before, and little against one that never did.
+        // Where much moves, failures do not count against a sensor that agreed before, and little against one that
+        // never did.
         (0..9).for_each(|_| assert!(!trust.compare(turn(0.3, 0.4), false)));
         for _ in 0..2 {
             assert!(!trust.compare(turn(0.3, 0.4), true));
@@ -228,7 +233,7 @@ mod tests {
         assert!(trust.is_confirmed());
         trust.compare(turn(0.3, 0.4), true);
         assert!(!trust.is_confirmed() && trust.contradicts());
-        // It was turned back.
+        // The sensor was corrected.
         for _ in 0..5 {
             assert!(trust.contradicts());
             trust.compare(turn(0.3, 0.01), true);
@@ -239,7 +244,7 @@ mod tests {
     #[test]
     fn what_is_not_known_yet_refutes_nobody() {
         let still = |off, unknown| Comparison::of_turn(0.0, &Vec3::new(off, 0.0, 0.0), unknown);
-        // Half a second of a bias of 3 deg/s, before it was measured and after.
+        // Half a second of a bias of 3 deg/s, before and after it was measured.
         assert!(still(0.026, 0.0085).agrees && !still(0.026, 0.001).agrees);
         assert!(!still(0.2, 0.0085).agrees);
     }
@@ -272,7 +277,7 @@ mod tests {
         let motion = |moved, shift| Comparison::of_motion(0.0, &Vec3::zeros(), moved, shift);
         assert!(motion(0.3, 0.04).agrees && motion(0.3, 0.04).tells);
         assert!(!motion(0.3, 0.06).agrees && !motion(0.03, 0.01).tells);
-        // A camera that turns on the spot may be mounted some centimetres otherwise.
+        // The mount of a camera that turns on the spot may be off by some centimetres.
         assert!(Comparison::of_motion(0.5, &Vec3::zeros(), 0.0, 0.06).agrees);
         assert!(!Comparison::of_motion(0.5, &Vec3::new(0.0, 0.1, 0.0), 0.0, 0.0).agrees);
     }

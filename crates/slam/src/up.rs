@@ -1,20 +1,20 @@
-//! Which way is up in the world of a map, and how that is kept with it.
+//! The up direction in the world of a map, and its storage in map files.
 
 use stillpoint_geometry::Vec3;
 use stillpoint_map::Extension;
 
-/// Lengths that are taken for that of a unit vector.
+/// Accepted norms of a unit vector.
 const UNIT: std::ops::RangeInclusive<f64> = 0.99..=1.01;
 
-/// The direction away from the ground in the world of a map, of unit length.
+/// Unit vector away from the ground in the world of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Up(Vec3);
 
 impl Up {
-    /// Name of the extension of map files that holds it.
+    /// Name of the map file extension that holds it.
     pub const EXTENSION: &str = "stillpoint/up";
 
-    /// The direction of a vector; none where it has no length, or is not finite.
+    /// Direction of a vector; `None` if zero or not finite.
     #[must_use]
     pub fn along(vector: &Vec3) -> Option<Self> {
         let length = vector.norm();
@@ -27,7 +27,7 @@ impl Up {
         self.0
     }
 
-    /// As an extension of a map file: x, y, z as doubles, little-endian.
+    /// As a map file extension: x, y, z as little-endian doubles.
     #[must_use]
     pub fn to_extension(&self) -> Extension {
         Extension {
@@ -36,7 +36,7 @@ impl Up {
         }
     }
 
-    /// What [`Up::to_extension`] wrote; none where these bytes are no three numbers of unit length.
+    /// Inverse of [`Up::to_extension`]; `None` for bytes that are not a unit vector.
     #[must_use]
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (numbers, rest) = bytes.as_chunks::<8>();

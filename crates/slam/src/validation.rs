@@ -1,13 +1,13 @@
-//! What is wrong with a configuration, and where. Each stage checks its own fields by [`Checker`].
+//! Validation of configurations. Each stage checks its own fields with [`Checker`].
 
 use stillpoint_geometry::Camera;
 
-/// One thing that is wrong with a configuration.
+/// An invalid value in a configuration.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConfigProblem {
-    /// Where, e.g. `tracking.min_inliers`.
+    /// Path, e.g. `tracking.min_inliers`.
     pub path: String,
-    /// What was expected and found.
+    /// Expected and found value.
     pub message: String,
 }
 
@@ -30,18 +30,17 @@ impl std::fmt::Display for ConfigError {
 
 impl std::error::Error for ConfigError {}
 
-/// Pixels of an image at most: the filter numbers its cells of 64 px in 16 bits, of which one number stands for none. A cell has 8 px a side
-/// (`cells::CELL_PX`).
+/// Maximum number of pixels of an image: the filter numbers its cells of 64 px in 16 bits, of which one number stands
+/// for none. A cell has 8 px a side (`cells::CELL_PX`).
 const MAX_PIXELS: u64 = 64 * (u16::MAX as u64 - 1);
 
-/// Side of an image at least, px: a corner needs its surroundings. Chosen: two cells of the filter, and wider than the circle of 7 px by which a
-/// corner is found.
+/// Minimum side of an image, px: a corner needs its surroundings. Chosen: two cells of the filter, and wider than the
+/// circle of 7 px by which a corner is found.
 const MIN_SIDE: u32 = 16;
 
-/// Checks the camera of a run.
 pub(crate) fn check_camera(camera: &Camera) -> Result<(), ConfigError> {
     let (width, height) = (camera.width, camera.height);
-    // Sizes first: other figures of an image that is too large are most often right.
+    // Sizes first: the other figures of a too large image are usually right.
     let problem = if u64::from(width) * u64::from(height) > MAX_PIXELS {
         format!(
             "expected an image of at most {MAX_PIXELS} px, found {width} x {height}: scale the images down"
@@ -66,7 +65,7 @@ pub(crate) struct Checker<'a> {
 }
 
 impl Checker<'_> {
-    /// Notes a problem unless `low <= value <= high` (false for NaN too).
+    /// Adds a problem unless `low <= value <= high` (false for NaN too).
     pub(crate) fn range(&mut self, name: &str, value: f64, low: f64, high: f64) {
         if !(low..=high).contains(&value) {
             self.problems.push(ConfigProblem {

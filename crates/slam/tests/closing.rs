@@ -1,6 +1,6 @@
-//! The loop closer on synthetic maps: a path that comes back is closed, an equal place is not.
+//! The loop closer on synthetic maps: real loops are closed, equal places are not.
 
-// The laboratory walks in this world too (`lab closing`), and names the crates by the facade: what the world needs is named here.
+// Also used by `lab closing`, which imports the crates through the facade: dependencies of the world are imported here.
 use stillpoint_estimation as estimation;
 use stillpoint_features as features;
 use stillpoint_geometry as geometry;
@@ -12,7 +12,7 @@ use stillpoint_map::{Correction, LoopEdge};
 use stillpoint_slam::{Config, LoopCloser, LoopCloserMsg, LoopOutcome, LoopReport};
 use world::{STEP_M, Walk, World};
 
-/// Walks until a loop is closed or the path ends; all reports, and the correction.
+/// Walks until a loop is closed or the path ends; returns all reports, and the correction.
 fn go(walk: &mut Walk, keyframes: u32) -> (Vec<LoopReport>, Option<Correction>) {
     let mut loop_closer = LoopCloser::new(&Config::default());
     let mut reports = Vec::new();
@@ -27,7 +27,7 @@ fn go(walk: &mut Walk, keyframes: u32) -> (Vec<LoopReport>, Option<Correction>) 
     (reports, None)
 }
 
-/// Walks on after loops, too: all reports, and how far the edges of those that were closed are from the truth, m.
+/// Continues after loops; returns all reports, and the errors of closed edges, m.
 fn go_on(walk: &mut Walk, keyframes: u32) -> (Vec<LoopReport>, Vec<f64>) {
     let mut loop_closer = LoopCloser::new(&Config::default());
     let (mut reports, mut errors) = (Vec::new(), Vec::new());
@@ -66,7 +66,7 @@ fn a_path_that_comes_back_is_closed_and_straightened() {
     let off = truth.inverse() * closed.edge.unwrap();
     assert!(off.translation.norm() < 0.02, "{off:?}");
     assert!(off.rotation.angle() < 0.01, "{off:?}");
-    // Both ends come to where they are to each other, whatever is left of the drift in between.
+    // The ends are at their correct relative pose, whatever drift is left between.
     let ends = |walk: &Walk| {
         let pose = |id| walk.map.view().keyframe(id).unwrap().world_from_camera;
         let found = pose(closed.with).inverse() * pose(closed.keyframe);
@@ -80,16 +80,15 @@ fn a_path_that_comes_back_is_closed_and_straightened() {
         "{before} m, then {after} m"
     );
     assert!(applied.merged >= 40 && applied.composed == 0, "{applied:?}");
-    // The map keeps what was measured, not what came of it.
+    // The map stores the measured motion.
     let kept: Vec<&LoopEdge> = walk.map.view().loops().collect();
     assert_eq!(kept.len(), 1);
     assert_eq!((kept[0].old, kept[0].new), (closed.with, closed.keyframe));
     assert_eq!(Some(kept[0].old_from_new), closed.edge);
     assert_eq!(kept[0].inliers, closed.inliers);
-    // Known to a centimetre and half a degree, at least.
+    // Known to at least a centimetre and half a degree.
     assert!(kept[0].information.symmetric_eigenvalues().min() > 1e4);
     assert_eq!(walk.map.check(), Ok(()));
-    // The same again gives the same bits.
     let (_, reports_again, correction_again) = run();
     assert_eq!(format!("{reports:?}"), format!("{reports_again:?}"));
     assert_eq!(correction, correction_again);
@@ -102,7 +101,7 @@ fn an_equal_place_is_no_loop() {
     let world = World::new(length).with_copy(0.5 * length, 10.0);
     let (reports, correction) = go(&mut Walk::new(world), 150);
     assert!(correction.is_none(), "{:?}", reports.last());
-    // It was tempted: geometry said yes, the map said no.
+    // Geometric verification succeeded, but the position in the map rejected it.
     let tempted = |r: &&LoopReport| r.outcome == LoopOutcome::Elsewhere;
     let tempted: Vec<&LoopReport> = reports.iter().filter(tempted).collect();
     let strong = tempted.iter().filter(|r| r.inliers >= 40).count();
@@ -110,8 +109,8 @@ fn an_equal_place_is_no_loop() {
     assert!(tempted.iter().all(|r| r.cost > 500.0), "{tempted:?}");
 }
 
-/// A path with gaps drifts in them, and its ties say so: what is in sight on both sides is closed, and so is the round. Control: an equal place on the same path is set
-/// aside, whatever the gaps allow for.
+/// A path with gaps drifts there, as its ties state: places in view on both sides are closed, and so is the round.
+/// Control: an equal place on the same path is rejected, despite the uncertainty of the gaps.
 #[test]
 fn a_path_with_gaps_is_closed_and_an_equal_place_on_it_is_not() {
     let around = 150;
@@ -129,8 +128,8 @@ fn a_path_with_gaps_is_closed_and_an_equal_place_on_it_is_not() {
     assert!(reports.iter().filter(tempted).count() > 5, "{reports:?}");
 }
 
-/// After a gap what lies ahead is still in sight, and mapped a second time, some centimetres beside. Its looks are too fresh to be asked for; where
-/// it should be is known.
+/// After a gap the view ahead is mapped a second time, some centimetres off. It is too recent for recognition by
+/// appearance, but its position is known.
 #[test]
 fn what_should_be_in_sight_is_looked_for_and_closes_a_gap() {
     let length = STEP_M * 150.0;
@@ -162,7 +161,7 @@ fn what_should_be_in_sight_is_looked_for_and_closes_a_gap() {
     );
     assert!(applied.merged >= 20, "{applied:?}");
     assert_eq!(walk.map.check(), Ok(()));
-    // Control: without a gap everything in sight is matched, and nothing is looked into.
+    // Control: without a gap everything in view is matched, and there are no candidates.
     let (reports, correction) = go(&mut Walk::new(World::new(length)).at_pace(0.02), gap + 6);
     assert!(correction.is_none() && reports.is_empty(), "{reports:?}");
 }

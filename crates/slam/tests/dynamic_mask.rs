@@ -1,6 +1,6 @@
-//! The static filter without SLAM, against the simulator's exact masks.
+//! The static filter without SLAM, compared with the simulator's exact masks.
 
-#![allow(clippy::print_stdout)] // What was measured is what docs/evidence/people.md holds.
+#![allow(clippy::print_stdout)] // Prints the figures of docs/evidence/people.md.
 
 use std::sync::{Arc, LazyLock};
 use stillpoint_detection::{BoundingBox, ClassId, Detection, Detections};
@@ -9,9 +9,9 @@ use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_simulator::{FrameTruth, MoverBox, Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, DynamicMask, MaskError, Preset, Segments, System};
 
-/// Frames that are looked at.
+/// Processed frames.
 const FRAMES: std::ops::Range<usize> = 0..60;
-/// From here on they are scored: someone who stood still until then walks.
+/// First scored frame: a person who stood still until then walks.
 const SCORED: usize = 36;
 
 /// A scene, rendered once for all tests.
@@ -55,7 +55,7 @@ fn filter(room: &Room) -> DynamicMask {
     DynamicMask::new(&Config::default(), camera, Simd::detect()).unwrap()
 }
 
-/// The people as an exact detector sees them.
+/// The people as seen by an exact detector.
 fn boxes(room: &Room, frame: &RgbdFrame) -> Detections {
     let truth = room.truth(frame.id.0 as usize);
     let people = truth.boxes.iter().filter(|b| b.class == "person");
@@ -76,7 +76,7 @@ fn boxes(room: &Room, frame: &RgbdFrame) -> Detections {
     }
 }
 
-/// Share of the pixels of movers that the masks hold, and of the others that they leave out.
+/// Shares of moving pixels inside the masks, and of other pixels outside.
 #[derive(Clone, Copy, Debug, Default)]
 struct Score {
     moving: [u64; 2],
@@ -111,14 +111,14 @@ impl Score {
     }
 }
 
-/// Goes through a scene with the poses and boxes that are asked for.
+/// Processes a scene, optionally with true poses and boxes.
 fn score(room: &Room, poses: bool, detector: bool) -> Score {
     let scene = room.scene;
     let mut filter = filter(room);
     let mut score = Score::default();
     for i in FRAMES {
         let frame = room.frame(i);
-        // Any frame of reference will do.
+        // The reference frame is arbitrary.
         let world = Se3::exp(&[1.0, -2.0, 0.5, 0.3, 0.2, -0.4].into());
         let pose = world * room.simulator.world_from_camera(frame.stamp);
         if detector {
@@ -143,7 +143,7 @@ fn score(room: &Room, poses: bool, detector: bool) -> Score {
     score
 }
 
-/// The same with the whole system on top, and no detector.
+/// Likewise with the whole system, and no detector.
 fn score_with_slam(room: &Room) -> Score {
     let (scene, camera) = (room.scene, *room.simulator.camera());
     let mut system = System::new(Config::default(), camera, Simd::detect()).unwrap();
@@ -257,7 +257,6 @@ fn what_cannot_be_looked_at_is_refused_or_survived() {
         filter.step(room.frame(0), None).is_err(),
         "the same frame twice"
     );
-    // Black frames say nothing; then it goes on.
     for i in 1..30u32 {
         let mut frame = (**room.frame(i as usize)).clone();
         frame.id = FrameId(i);
@@ -273,7 +272,7 @@ fn what_cannot_be_looked_at_is_refused_or_survived() {
     }
 }
 
-/// What cannot be a camera is refused by everything that begins with one, in words, before anything is computed with it.
+/// Invalid cameras are refused with a message before any computation.
 #[test]
 fn a_camera_that_cannot_be_is_refused() {
     use stillpoint_geometry::{BrownConrady, Camera};
@@ -321,7 +320,7 @@ fn a_camera_that_cannot_be_is_refused() {
     );
 }
 
-/// The smallest image that is taken has nothing to say, and breaks nothing.
+/// The smallest accepted image causes no failure.
 #[test]
 fn the_smallest_image_is_survived() {
     use stillpoint_geometry::Camera;

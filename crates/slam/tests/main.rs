@@ -1,4 +1,4 @@
-//! Stages on made-up maps.
+//! Stages on synthetic maps.
 
 #![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 

@@ -1,21 +1,21 @@
-//! How well the outlines of masks are those of the people who walk, by the simulator's exact masks.
+//! Accuracy of the outlines of masks of walking people, compared with the simulator's exact masks.
 
-#![allow(clippy::print_stdout)] // What was measured is what docs/evidence/people.md holds.
+#![allow(clippy::print_stdout)] // Prints the figures of docs/evidence/people.md.
 
 use std::sync::Arc;
 use stillpoint_imaging::{GrayImage, RgbdFrame, Simd};
 use stillpoint_simulator::{FrameTruth, Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, DynamicMask, Segments};
 
-/// Frames that are looked at, and from which on they are scored: by then somebody walks.
+/// Number of processed frames, and the first scored one, from which a person walks.
 const FRAMES: usize = 60;
 const SCORED: usize = 36;
-/// Slower movers stand, m/s: whether these are masked is not what an outline tells.
+/// Speed below which a mover is ignored, m/s: an outline does not tell whether it should be masked.
 const WALKS: f64 = 0.1;
-/// Outlines agree where they are so near each other, px.
+/// Maximum distance between matching outlines, px.
 const NEAR: i64 = 3;
 
-/// What a mask shows of a frame: 1 what walks, 0 what does not, 2 what nobody asks for.
+/// Truth per pixel: 1 walking, 0 static, 2 ignored.
 fn truth(found: &FrameTruth) -> Vec<u8> {
     let walks = |mover: u8| {
         let of = found.boxes.iter().find(|b| b.mover == u32::from(mover));
@@ -33,7 +33,7 @@ fn truth(found: &FrameTruth) -> Vec<u8> {
     pixels.map(|mover| kinds[usize::from(*mover)]).collect()
 }
 
-/// Counts over frames: pixels in both masks and in either, points of the outlines that agree and all, found and true.
+/// Sums over frames: pixels in both masks and in either; matching and total points of the found and the true outline.
 #[derive(Clone, Copy, Debug, Default)]
 struct Score {
     both: usize,
@@ -66,14 +66,14 @@ impl Score {
         self.both as f64 / self.either.max(1) as f64
     }
 
-    /// The harmonic mean of the shares of both outlines that agree.
+    /// The harmonic mean of the matching shares of both outlines.
     fn outline(&self) -> f64 {
         let [found, real] = [self.found, self.real].map(|[n, all]| n as f64 / all.max(1) as f64);
         2.0 * found * real / (found + real).max(1e-9)
     }
 }
 
-/// The pixels of a mask beside one that is not in it. What is beside something that nobody asks for is no outline.
+/// Pixels of a mask adjacent to one outside of it, except next to ignored ones.
 fn outline(mask: &[bool], truth: &[u8], width: usize) -> Vec<usize> {
     let neighbours = |i: usize| {
         let left = (!i.is_multiple_of(width)).then(|| i - 1);
@@ -105,7 +105,7 @@ fn widened(points: &[usize], width: usize, count: usize) -> Vec<bool> {
     near
 }
 
-/// Calls `see` with every frame of a scene, what is true of it, and the regions that were found in it.
+/// Calls `see` with every frame of a scene, its truth, and the detected regions.
 fn look(
     scene: &str,
     frames: usize,
@@ -157,7 +157,7 @@ fn outlines_of_who_walks_are_theirs() {
     }
     let well = |score: &Score| score.overlap() > 0.8 && score.outline() > 0.45;
     assert!(well(&masks), "{masks:?}");
-    // Control: the cells that the masks are made of.
+    // Control: the cells from which the masks are made.
     assert!(!well(&cells), "{cells:?}");
 }
 

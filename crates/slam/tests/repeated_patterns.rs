@@ -1,4 +1,4 @@
-//! A wall half of which repeats itself: there the flow alone cannot tell a camera that moved by one repetition from one that stood still.
+//! A half-repetitive wall: flow alone cannot tell a camera that moved by one period from a static one.
 
 use std::sync::Arc;
 use stillpoint_geometry::Camera;
@@ -7,13 +7,12 @@ use stillpoint_slam::{Config, DynamicMask};
 
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
-/// Repetition of the right half, px. By so much the flow still follows the rest of the wall from where it was; by more it begins again where descriptors
-/// say, and finds the pattern in its right place at once.
+/// Period of the right half, px. Up to this the flow still tracks the rest of the wall; beyond, it restarts from
+/// descriptors and finds the pattern correctly at once.
 const PERIOD: usize = 8;
-/// The camera stands still for this many frames.
+/// Number of frames without camera motion.
 const STILL: u32 = 12;
 
-/// Grey of a place on the wall.
 fn grey(x: usize, y: usize) -> u8 {
     // Blocks of 4 px, so that there are corners.
     let hash = |a: usize, b: usize| {
@@ -30,7 +29,7 @@ fn grey(x: usize, y: usize) -> u8 {
     }
 }
 
-/// The wall, seen after a step to the side of so many px.
+/// The wall, seen after a sideways step of `shift` px.
 fn frame(id: u32, shift: usize) -> RgbdFrame {
     let pixels = (0..WIDTH * HEIGHT).map(|i| grey(i % WIDTH + shift, i / WIDTH));
     RgbdFrame {
@@ -43,7 +42,7 @@ fn frame(id: u32, shift: usize) -> RgbdFrame {
     }
 }
 
-/// Share of the repeated half that is said to move when the camera steps aside by so many pixels at once.
+/// Share of the repetitive half detected as moving after a sudden sideways step.
 fn moving(step: usize) -> f64 {
     let camera = Camera::pinhole(WIDTH as u32, HEIGHT as u32, [260.0, 260.0, 159.5, 119.5]);
     let mut filter = DynamicMask::new(&Config::default(), camera, Simd::detect()).unwrap();
@@ -58,7 +57,7 @@ fn moving(step: usize) -> f64 {
         (aside - expected).abs() < 0.01,
         "{aside} instead of {expected}"
     );
-    // By cells: a mask leaves out what nothing sets apart from the wall around it.
+    // By cells: masks omit regions not separated from the wall around.
     let regions = &found.segments;
     let half: Vec<bool> = (0..regions.labels.len())
         .filter(|i| i % regions.width * regions.cell_px > WIDTH / 2 + 20)
@@ -67,7 +66,7 @@ fn moving(step: usize) -> f64 {
     half.iter().filter(|m| **m).count() as f64 / half.len() as f64
 }
 
-/// Without the second look all of the repeated half moves.
+/// Without the second search all of the repetitive half moves.
 #[test]
 fn what_looks_like_its_neighbour_is_looked_for_again_where_it_should_be() {
     for step in [0, PERIOD] {

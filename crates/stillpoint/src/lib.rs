@@ -1,6 +1,4 @@
-//! Visual SLAM that stays still while the world moves: the whole library under one name.
-//!
-//! Answers: where to find everything. Holds no logic of its own: every module is one of the project's crates.
+//! Visual SLAM for dynamic scenes: facade of the whole library. Every module re-exports one of the project's crates.
 //!
 //! ```no_run
 //! use stillpoint::datasets::{Dataset, FrameOptions, OpenOptions};
@@ -22,11 +20,11 @@
 
 /// Data sets, trajectory files and their formats.
 pub use stillpoint_datasets as datasets;
-/// Surface, mesh and grids of what stands still.
+/// Surface, mesh and grids of the static scene.
 pub use stillpoint_dense as dense;
-/// Object detectors, and the objects they see, tracked through time.
+/// Object detectors and object tracking.
 pub use stillpoint_detection as detection;
-/// What is wrong with a stream, from a few seconds of it.
+/// Diagnosis of a stream from a few seconds of it.
 pub use stillpoint_doctor as doctor;
 /// Solvers: pose, bundle adjustment, triangulation.
 pub use stillpoint_estimation as estimation;
@@ -41,14 +39,14 @@ pub use stillpoint_fetch as fetch;
 pub use stillpoint_geometry as geometry;
 /// Images, pyramids, frames.
 pub use stillpoint_imaging as imaging;
-/// Networks that detect, and the cache of models.
+/// Detection networks and the model cache.
 #[cfg(feature = "inference")]
 pub use stillpoint_inference as inference;
-/// The system with threads, at the pace of a camera.
+/// The multithreaded system, in real time.
 pub use stillpoint_live as live;
 /// Keyframes, landmarks, views.
 pub use stillpoint_map as map;
-/// Known models, downloads, and checkpoints turned into ONNX.
+/// Known models, downloads, and conversion of checkpoints to ONNX.
 #[cfg(feature = "models")]
 pub use stillpoint_models as models;
 /// Place recognition.
@@ -58,13 +56,13 @@ pub use stillpoint_place as place;
 pub use stillpoint_realsense as realsense;
 /// Recordings (MCAP, bags) and data sets, behind one `open`.
 pub use stillpoint_recordings as recordings;
-/// What happens in a run as messages of ROS.
+/// Events of a run as ROS messages.
 pub use stillpoint_ros_events as ros_events;
-/// Messages of ROS as bytes and back.
+/// Encoding and decoding of ROS messages.
 pub use stillpoint_ros_messages as ros_messages;
 /// Rendered rooms with exact ground truth.
 pub use stillpoint_simulator as simulator;
-/// The system itself.
+/// The SLAM system.
 pub use stillpoint_slam as slam;
-/// Pictures of what the system saw.
+/// Visualisation.
 pub use stillpoint_view as view;

@@ -1,4 +1,4 @@
-//! The whole system on simulated rooms: accuracy with a control, late maps, covered lenses, and the shutter's readout.
+//! The whole system on simulated rooms: accuracy with controls, late maps, covered lenses, and the shutter's readout.
 
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::{Camera, Se3};
@@ -16,7 +16,7 @@ fn simulator(scene: &str, frames: usize) -> Simulator {
     .unwrap()
 }
 
-/// Runs the system over a simulation whose frames `change` may spoil; returns it with every frame's outcome.
+/// Runs the system on a simulation after `change` of each frame; returns the system and the outcomes.
 fn run(
     simulator: &Simulator,
     config: Config,
@@ -26,7 +26,7 @@ fn run(
     run
 }
 
-/// The same with several configurations on the same frames: to render one takes longer than to track it.
+/// Likewise with several configurations on the same frames: rendering is slower than tracking.
 fn run_all<const N: usize>(
     simulator: &Simulator,
     configs: [Config; N],
@@ -78,7 +78,7 @@ fn final_poses(system: &System) -> Vec<TimedPose> {
         .collect()
 }
 
-/// Holds a run without a detector against the table of errors.
+/// Compares a run without a detector with the table of errors.
 #[track_caller]
 fn hold(sequence: &str, simulator: &Simulator, system: &System) {
     let poses = final_poses(system);
@@ -90,7 +90,7 @@ fn hold(sequence: &str, simulator: &Simulator, system: &System) {
     ate::hold(sequence, "none", "default", found);
 }
 
-/// It takes long because it renders three scenes of 120 frames.
+/// Slow: renders three scenes of 120 frames.
 #[test]
 fn static_scenes_are_tracked() {
     for scene in ["xyz", "rpy", "halfsphere"] {
@@ -99,7 +99,7 @@ fn static_scenes_are_tracked() {
         assert!(!outcomes.iter().any(|o| matches!(o, Outcome::Lost { .. })));
         let poses = final_poses(&system);
         hold(&format!("sim:{scene} 120 frames"), &simulator, &system);
-        // Control: the figure means something only where standing still has a larger one.
+        // Control: an identity trajectory must have a larger error.
         let still: Vec<TimedPose> = poses
             .iter()
             .map(|p| TimedPose {
@@ -113,8 +113,8 @@ fn static_scenes_are_tracked() {
     }
 }
 
-/// A long walk about a desk where nothing moves, at 15 Hz. Landmarks that three keyframes confirm are no measure of what is still seen there: by such a rule
-/// the walk had five keyframes, and twice the error.
+/// A long walk about a static desk, at 15 Hz. Counting landmarks confirmed by three keyframes is a poor criterion: with
+/// it the walk had five keyframes, and twice the error.
 #[test]
 fn a_long_static_walk_has_keyframes_where_its_map_needs_them() {
     let simulator = Simulator::new(&SimulatorConfig {
@@ -137,7 +137,7 @@ fn a_long_static_walk_has_keyframes_where_its_map_needs_them() {
         without > 1.5 * error,
         "{error} mm, {without} with hardly a keyframe"
     );
-    // A camera that stands still has seen all that it will see.
+    // A static camera needs few keyframes.
     let still = Simulator::new(&SimulatorConfig {
         scene: "static".into(),
         frames: Some(60),
@@ -213,10 +213,10 @@ fn a_first_frame_without_depth_does_not_start_a_map() {
     assert_eq!(outcomes[3], Outcome::Tracked);
 }
 
-/// It takes long: 150 frames are rendered and tracked twice. A Kinect's is found in `relocalisation::real`.
+/// Slow: renders and tracks 150 frames twice. A Kinect's readout is found in `relocalisation::real`.
 #[test]
 fn the_readout_is_found_where_there_is_one() {
-    // The simulator's shutter is global: nothing may be found, from wherever the estimate starts.
+    // The simulator's shutter is global: no readout may be found from any initial value.
     let simulator = simulator("rpy", 150);
     let starts = [0.0, 0.02];
     let configs = starts.map(|start| {
@@ -231,8 +231,8 @@ fn the_readout_is_found_where_there_is_one() {
     }
 }
 
-/// A camera that already turns with 130 degrees per second when it is switched on: of its first frame nothing tells how it moved, nor what the readout is.
-/// Control: where the shutter is taken for a global one, it bends all.
+/// A camera that turns at 130 degrees per second from the first frame on: the first frame's motion and the readout are
+/// unknown. Control: assuming a global shutter bends the map.
 #[test]
 fn a_map_that_begins_in_a_fast_turn_is_not_bent_by_the_shutter() {
     let shutter = Shutter {

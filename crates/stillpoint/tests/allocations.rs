@@ -1,16 +1,17 @@
-//! Tracking asks the allocator for nothing once it runs steadily, but for what leaves it with the report of a frame.
+//! Tracking allocates nothing in steady state, except for the data of frame reports.
 
 use crate::counting::{self, Asked, Spans};
 use stillpoint::imaging::{RgbdFrame, Simd};
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Event, System};
 
-/// What every report holds: a verdict per feature, and the labels of the regions that move.
+/// Allocations per report: feature verdicts and labels of moving regions.
 const HANDED_OVER: u64 = 2;
-/// The history of depths is full after so many frames, 3.2 s; from then on its memory goes round.
+/// Frames until the depth history, 3.2 s, is full and its memory is reused.
 const STEADY: usize = 110;
 
-/// What tracking asks for, by frames that become no keyframe, after `STEADY` ones. Few frames are rendered, and shown back and forth.
+/// Allocations per frame that makes no keyframe, after `STEADY` frames. A few rendered frames are played back and
+/// forth.
 fn steady_frames(config: Config) -> Vec<u64> {
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "walking_xyz".to_owned(),
@@ -49,12 +50,12 @@ fn a_frame_that_becomes_no_keyframe_asks_for_nothing_but_its_report() {
     sorted.sort_unstable();
     assert_eq!(sorted[0], HANDED_OVER, "{counts:?}");
     assert_eq!(sorted[counts.len() / 2], HANDED_OVER, "{counts:?}");
-    // Lists grow where a frame holds more than any before: at times, and by doubling.
+    // Lists grow, by doubling, when a frame contains more than any before.
     let grown: u64 = counts.iter().map(|c| c - HANDED_OVER).sum();
     assert!(grown <= counts.len() as u64, "{counts:?}");
 }
 
-/// The control: what is asked for within a frame's span is counted, and what is asked for outside or by others is not.
+/// Control: allocations within a frame's span are counted, others and those of other threads are not.
 #[test]
 fn what_is_asked_for_is_counted() {
     let count = |work: &dyn Fn()| {

@@ -1,7 +1,7 @@
-//! Counts what a thread asks the allocator for, by the spans that it is in.
+//! Counts allocations per thread and tracing span.
 //!
-//! Whatever includes this file has its allocator: the count of each thread is its own, so that threads do not see each other.
-// An allocator cannot be written without: it hands each call on to the system's.
+//! A binary that includes this file gets its allocator. Counts are per thread.
+// Required to implement an allocator; all calls are forwarded to the system's.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -10,27 +10,27 @@ use std::collections::BTreeMap;
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Event, Metadata, Subscriber};
 
-/// The system's allocator, with a count of the calls that ask for memory.
+/// The system's allocator with a count of allocations.
 struct Counting;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
 thread_local! {
-    /// Calls, and bytes asked for, by this thread.
+    /// Calls and bytes requested by this thread.
     static ASKED: Cell<(u64, u64)> = const { Cell::new((0, 0)) };
     static RUNNING: RefCell<Running> = RefCell::default();
 }
 
 fn note(bytes: usize) {
-    // A thread that ends has no count any more.
+    // The count of an ending thread may be gone.
     let _ = ASKED.try_with(|asked| {
         let (calls, sum) = asked.get();
         asked.set((calls + 1, sum + bytes as u64));
     });
 }
 
-// SAFETY: every call is handed on as it is; counting touches no memory of the allocator's.
+// SAFETY: every call is forwarded unchanged; counting touches no memory of the allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         note(layout.size());
@@ -52,7 +52,6 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Calls and bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Asked {
     pub(crate) calls: u64,
@@ -62,12 +61,11 @@ pub(crate) struct Asked {
 #[derive(Default)]
 struct Running {
     names: Vec<&'static str>,
-    /// Spans that are open: their names' places, and what was asked for before and in spans within.
+    /// Open spans: index of the name, and the counts before and in inner spans.
     open: Vec<(usize, Asked, Asked)>,
     own: BTreeMap<&'static str, Asked>,
 }
 
-/// What this thread asked for so far.
 fn asked() -> Asked {
     ASKED.with(|a| Asked {
         calls: a.get().0,
@@ -75,12 +73,12 @@ fn asked() -> Asked {
     })
 }
 
-/// What the spans of this thread asked for since the last call, by their names and without what spans within them asked for.
+/// Allocations of this thread's spans since the last call, by name, excluding inner spans.
 pub(crate) fn take() -> BTreeMap<&'static str, Asked> {
     RUNNING.with_borrow_mut(|running| std::mem::take(&mut running.own))
 }
 
-/// A subscriber that counts within the span `frame`, to be made a thread's own.
+/// A thread-local subscriber that counts within the span `frame`.
 pub(crate) struct Spans;
 
 impl Subscriber for Spans {

@@ -1,5 +1,5 @@
-//! Covariances of poses, against the truth: on a way on which the map drifts, and without what they say of the map as a control.
-#![allow(clippy::print_stdout)] // What was measured is worth reading.
+//! Covariances of poses against the truth, on a trajectory with map drift; control: without the map's uncertainty.
+#![allow(clippy::print_stdout)] // Measurements are printed.
 
 use stillpoint_evaluation::{TimedPose, coverage, motion_coverage};
 use stillpoint_geometry::{Camera, Mat6, Se3};
@@ -7,7 +7,7 @@ use stillpoint_imaging::Simd;
 use stillpoint_simulator::{Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, CovarianceLog, Event, PoseCovariance, System, covariance_of_motion};
 
-/// A way of 13 m in 15 s, out of one room and into another: many views from where it began.
+/// 13 m in 15 s, from one room to another: many views away from the start.
 const FRAMES: usize = 450;
 
 fn timed((stamp, world_from_camera): (f64, Se3)) -> TimedPose {
@@ -17,7 +17,7 @@ fn timed((stamp, world_from_camera): (f64, Se3)) -> TimedPose {
     }
 }
 
-/// It takes long because a map drifts slowly.
+/// Slow, because map drift builds up slowly.
 #[test]
 fn intervals_of_ninety_percent_hold_the_truth_on_a_way_through_rooms() {
     let camera = Camera::pinhole(320, 240, [262.5, 262.5, 159.5, 119.5]);
@@ -39,7 +39,6 @@ fn intervals_of_ninety_percent_hold_the_truth_on_a_way_through_rooms() {
         let Some((covariance, in_map)) = health.covariance.zip(health.covariance_in_map) else {
             continue;
         };
-        // What the map is off by comes on top.
         assert!((covariance - in_map).diagonal().min() >= -1e-15);
         log.note(health.frame, &in_map);
         online.push(timed((
@@ -74,6 +73,6 @@ fn intervals_of_ninety_percent_hold_the_truth_on_a_way_through_rooms() {
     assert!(honest.contains(&whole.place) && honest.contains(&whole.direction));
     assert!(motions.place > 0.85 && motions.direction > 0.85);
     assert!(honest.contains(&online.place) && honest.contains(&online.direction));
-    // Places are still near, but the map has turned: without what it is off by too little is promised.
+    // Positions are still near, but the map has rotated: without its uncertainty the interval is too small.
     assert!(control.direction < 0.8 && control.place < whole.place);
 }

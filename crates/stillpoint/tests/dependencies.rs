@@ -1,6 +1,5 @@
-//! The dependency table is the law: which crate of the workspace may import which. Crates exist so that a forbidden import is
-//! impossible; an edge that is not in the table fails this test and needs a decision first, and so does a permission that no
-//! crate uses.
+//! Allowed imports between the crates of the workspace. An edge that is not in the table, or an unused permission,
+//! fails this test and needs a decision.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -27,20 +26,19 @@ const NORMAL: &[(&str, &[&str])] = &[
         ],
     ),
     ("detection", &["geometry", "imaging"]),
-    // Threads and clocks, and nothing else: what is computed is the stages' business.
+    // Threads and clocks only: computations are in the stages.
     (
         "live",
         &["geometry", "imaging", "map", "place", "detection", "slam"],
     ),
-    // Bytes under their names, and checksums.
     ("files", &[]),
-    // Opens files and loads libraries, so that the core does not.
+    // Opens files and loads libraries, to keep both out of the core.
     ("inference", &["detection", "imaging", "files"]),
-    // The network, and nothing of what comes over it.
+    // Network access without interpreting the content.
     ("fetch", &["files"]),
-    // How a model is read is said beside it in the cache.
+    // The cache describes how a model is read.
     ("models", &["detection", "inference", "fetch"]),
-    // What it draws it is given as values and events; palette and typeface are those of the plots.
+    // Draws values and events it is given, with the palette and typeface of the plots.
     (
         "view",
         &[
@@ -59,9 +57,9 @@ const NORMAL: &[(&str, &[&str])] = &[
     ),
     ("datasets", &["geometry", "imaging", "files"]),
     ("simulator", &["geometry", "imaging"]),
-    // Frames in, findings out; from where they come is not its business.
+    // Frames in, findings out, independent of their source.
     ("doctor", &["geometry", "imaging", "features", "estimation"]),
-    // The judge does not know the player.
+    // Evaluation is independent of the system.
     ("evaluation", &["geometry"]),
     (
         "stillpoint",
@@ -90,19 +88,17 @@ const NORMAL: &[(&str, &[&str])] = &[
             "evaluation",
         ],
     ),
-    // Bytes and what they mean, for recordings and nodes.
     ("ros-messages", &[]),
-    // Events and views in, messages out; it neither writes nor sends them.
+    // Events and views in, messages out; neither writes nor sends them.
     (
         "ros-events",
         &["ros-messages", "geometry", "detection", "map", "slam"],
     ),
-    // Files of messages as frames; folders go through it to the data sets.
+    // Files of messages as frames; folders are opened through data sets.
     (
         "recordings",
         &["ros-messages", "imaging", "geometry", "datasets"],
     ),
-    // A camera that runs is one more kind of input.
     (
         "realsense",
         &[
@@ -114,12 +110,11 @@ const NORMAL: &[(&str, &[&str])] = &[
         ],
     ),
     ("cli", &["stillpoint"]),
-    // What every crate's tests may ask for recordings.
+    // Finds recordings for the tests of every crate.
     ("testdata", &[]),
 ];
 
-/// What tests and benchmarks may import beyond that: the simulator and the data sets as input, the judge for
-/// scores, the command line for none.
+/// Additional imports of tests and benchmarks: simulator and data sets as input, evaluation for scores.
 const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("features", &["geometry", "simulator"]),
     ("place", &["simulator", "datasets", "imaging", "geometry"]),
@@ -127,24 +122,24 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("slam", &["simulator"]),
     ("live", &["simulator"]),
     ("view", &["simulator"]),
-    // Rooms whose surfaces are known exactly.
+    // Rooms with exact surfaces.
     ("dense", &["simulator"]),
     ("ros-events", &["simulator", "features", "imaging"]),
-    // Streams without faults, and with those that are put into them.
+    // Streams with and without faults.
     ("doctor", &["simulator", "datasets"]),
-    // Rooms that look alike, in terms of features.
+    // Similarity of rooms in terms of features.
     ("simulator", &["features"]),
 ];
 
-/// Packages for other languages: folders beside `crates/`, each a workspace of its own with its own lock file. They hold the facade, and where users are to have
-/// the same words there as in the command line, the command line.
+/// Packages for other languages: folders beside `crates/`, each a workspace with its own lock file. They use the
+/// facade, and the command line where both share the same terms.
 pub(crate) const FRONT_ENDS: &[(&str, &[&str])] = &[
     ("python", &["stillpoint", "cli"]),
-    // The laboratory, whose tests drive the command line.
+    // The laboratory, whose tests run the command line.
     ("lab", &["stillpoint", "files", "cli"]),
 ];
 
-/// What no crate of the core may import, directly or not: threads, files and judges stay outside.
+/// Crates without direct or indirect access to threads, files and evaluation.
 const CORE: &[&str] = &[
     "geometry",
     "imaging",
@@ -182,7 +177,6 @@ pub(crate) fn short(name: &str) -> String {
     name.strip_prefix("stillpoint-").unwrap_or(name).to_owned()
 }
 
-/// What cargo prints.
 pub(crate) fn cargo(arguments: &[&str]) -> String {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let output = Command::new(cargo)
@@ -236,7 +230,7 @@ fn allowed(table: &[(&str, &[&str])]) -> Edges {
         .collect()
 }
 
-/// Edges of `found` that are not in `table`, and permissions of `table` that `found` does not use.
+/// Edges of `found` missing in `table`, and permissions of `table` unused in `found`.
 fn compare(what: &str, found: &Edges, table: &Edges) {
     let forbidden: Vec<_> = found.difference(table).collect();
     assert!(
@@ -267,7 +261,7 @@ fn every_edge_is_in_the_table_and_every_permission_is_used() {
     );
 }
 
-/// What a manifest names and no source mentions holds a permission open for nobody.
+/// A manifest entry without use in the source keeps a permission open.
 #[test]
 fn every_import_is_mentioned_in_the_source() {
     let (_, normal, tests) = workspace();
@@ -293,7 +287,7 @@ fn every_import_is_mentioned_in_the_source() {
     );
 }
 
-/// Whether a Rust file in the folder or below it is as asked.
+/// Whether any Rust file in the folder or below it satisfies the predicate.
 fn any_source(folder: &Path, asked: &dyn Fn(&str) -> bool) -> bool {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     entries.map(|entry| entry.unwrap().path()).any(|path| {
@@ -305,7 +299,7 @@ fn any_source(folder: &Path, asked: &dyn Fn(&str) -> bool) -> bool {
     })
 }
 
-/// Names of all crates that the facade brings with these features.
+/// Names of all crates included by the facade with these features.
 fn brought_by_the_facade(features: &str) -> BTreeSet<String> {
     let text = cargo(&[
         "tree",
@@ -371,7 +365,7 @@ fn the_core_reaches_nothing_outside() {
     }
 }
 
-/// A crate's `clippy.toml` replaces that of the workspace, so each core crate holds a copy of the bans.
+/// A crate's `clippy.toml` replaces that of the workspace, so each core crate has a copy of the bans.
 #[test]
 fn core_crates_hold_the_same_bans() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");

@@ -1,13 +1,14 @@
-//! Packages for other languages, beside the workspace: what they import, and whether their lock files are up to date. Nothing of them is compiled or locked here.
+//! Packages for other languages, beside the workspace: their imports, and whether their lock files are up to date. They
+//! are neither compiled nor locked here.
 
 use crate::dependencies::{FRONT_ENDS, cargo, short, workspace};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// A package of a lock file: its version, and the names of what it needs.
+/// A package of a lock file: its versions and the names of its dependencies.
 type Locked = BTreeMap<String, (BTreeSet<String>, BTreeSet<String>)>;
 
-/// The packages of a lock file, by name; of those with several versions, all together.
+/// The packages of a lock file by name, merging versions.
 fn locked(folder: &Path) -> Locked {
     let text = std::fs::read_to_string(folder.join("Cargo.lock")).unwrap();
     let mut packages = Locked::new();
@@ -25,7 +26,6 @@ fn locked(folder: &Path) -> Locked {
     packages
 }
 
-/// Packages as cargo describes them, without what they need of others.
 fn described(manifest: &Path) -> Vec<serde_json::Value> {
     let text = cargo(&[
         "metadata",
@@ -60,7 +60,8 @@ fn front_ends_are_workspaces_of_their_own_above_the_facade() {
     }
 }
 
-/// A front end is tested with what it is given away with, and with what the rest was tested with. Nothing compiles or locks it here, so nothing else would tell.
+/// A front end must be released and tested with the versions of the workspace. As it is not compiled here, only this
+/// test detects a mismatch.
 #[test]
 fn lock_files_of_front_ends_know_what_our_crates_need() {
     const AGAIN: &str = "see \"The Python package\" in CONTRIBUTING.md";

@@ -1,4 +1,4 @@
-//! The inertial sensor in whole runs, on the simulator: with controls that do without it.
+//! The inertial sensor in whole simulated runs, with controls without it.
 use crate::rendered::Rendered;
 use stillpoint::geometry::{Se3, Vec3};
 use stillpoint::imaging::{FrameSource, Simd};
@@ -37,7 +37,8 @@ pub(crate) fn lost(reports: &[FrameReport]) -> usize {
     reports.iter().filter(is_lost).count()
 }
 
-/// By how much the direction of the last frame is off, relative to the first one, deg; none where either has no pose, or they are not of one map.
+/// Rotation error of the last frame relative to the first, deg; `None` if either has no pose, or they are in different
+/// submaps.
 fn turn_error(reports: &[FrameReport], truth: &[(f64, Se3)]) -> Option<f64> {
     let (first, last) = (reports.first()?, reports.last()?);
     if first.submap != last.submap {
@@ -60,7 +61,7 @@ fn a_blocked_view_costs_no_frame() {
     assert!(off.is_some_and(|deg| deg <= 0.5), "{off:?}");
     let state = with.last().and_then(|r| r.inertial).map(|i| i.state);
     assert_eq!(state, Some(InertialState::Confirmed));
-    // The control.
+    // Control.
     let (without, _) = run(stages(&scene, None), &scene, &imu);
     let off = turn_error(&without, &truth);
     assert!(
@@ -78,7 +79,7 @@ fn a_run_with_samples_replays_bit_for_bit_and_needs_them() {
     let text = log.to_text();
     assert!(text.contains("\ninertial ") && text.contains("\n  imu "));
     let read = RunLog::from_bytes(text.as_bytes()).unwrap();
-    // The source of the replay has none: they are in the log.
+    // The replay's source has no samples: they are in the log.
     let replayed = |log: RunLog| {
         let mut replay = Replay::new(stages(&scene, Some(&imu)), log).unwrap();
         let mut source = scene.source();
@@ -96,7 +97,7 @@ fn a_run_with_samples_replays_bit_for_bit_and_needs_them() {
         ..read
     };
     assert_ne!(replayed(silent), log.trajectory);
-    // Without a sensor samples change nothing, and are not kept.
+    // Without a configured sensor, samples have no effect and are not logged.
     let (_, plain) = run(stages(&scene, None), &scene, &imu);
     assert!(!plain.entries.iter().any(is_inertial));
     assert!(Replay::new(stages(&scene, None), log).is_err());
@@ -106,7 +107,7 @@ fn is_inertial(entry: &stillpoint::slam::LogEntry) -> bool {
     matches!(entry, stillpoint::slam::LogEntry::TrackInertial { .. })
 }
 
-/// A mount that is stated two degrees otherwise, and a clock 8 ms.
+/// Mounting wrong by two degrees, clock by 8 ms.
 #[test]
 fn mount_and_clock_are_found_while_the_camera_turns() {
     let scene = Rendered::new("rpy", 240, 30.0);
@@ -156,14 +157,15 @@ fn a_sensor_that_is_mounted_otherwise_is_noticed_and_ignored() {
         assert_eq!(lost(&reports), 0);
         let state = reports.last().and_then(|r| r.inertial).map(|i| i.state);
         assert_eq!(state, Some(expected));
-        // Nothing moves here, and a sensor that nothing has confirmed talks nobody into it.
+        // The scene is static, and an unconfirmed sensor must not cause rejections.
         let sum = |of: fn(&FrameReport) -> u32| reports.iter().map(of).sum::<u32>();
         let [moves, all] = [sum(|r| r.counts.dynamic), sum(|r| r.counts.keypoints)];
         assert!(f64::from(moves) < 0.01 * f64::from(all), "{moves} of {all}");
     }
 }
 
-/// In a crowd there is somebody who moves as any sensor says, with a shift of his own: one that nothing has confirmed must not follow him.
+/// In a crowd some person moves consistently with any sensor, with an independent translation: an unconfirmed sensor
+/// must not support that motion.
 #[test]
 fn a_sensor_that_is_mounted_otherwise_does_no_harm_in_a_crowd() {
     let scene = Rendered::new("crowd_halfsphere", 40, 30.0);

@@ -1,11 +1,11 @@
-//! How tests lie in the workspace: one binary per crate, because every binary is linked with all that its crate uses, and because
-//! binaries run one after the other while the tests of one binary share the cores.
+//! Layout of tests: one binary per crate, because each is linked with all dependencies of its crate, and binaries run
+//! sequentially while the tests of one binary share the cores.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The folders of the workspace's crates that have a folder `tests`.
+/// The folders of crates with a folder `tests`.
 fn crates() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut crates: Vec<PathBuf> = fs::read_dir(root)
@@ -17,7 +17,7 @@ fn crates() -> Vec<PathBuf> {
     crates
 }
 
-/// The modules that a folder offers: its files, and its folders with a `mod.rs`.
+/// The modules in a folder: files, and folders with a `mod.rs`.
 fn offered(folder: &Path) -> BTreeSet<String> {
     let entries = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
     entries
@@ -27,7 +27,7 @@ fn offered(folder: &Path) -> BTreeSet<String> {
         .collect()
 }
 
-/// The modules that a file declares, whatever they are conditional on.
+/// The modules declared in a file, under any condition.
 fn declared(file: &Path) -> BTreeSet<String> {
     let text = fs::read_to_string(file).unwrap();
     text.lines()
@@ -55,7 +55,7 @@ fn every_crate_has_one_test_binary() {
     }
 }
 
-/// Cargo does not look for tests by itself here, so a file that no module declares would never be built.
+/// Test discovery is disabled here, so a file that no module declares would never be built.
 #[test]
 fn every_file_of_tests_is_built() {
     for krate in crates() {
@@ -80,7 +80,7 @@ fn every_file_of_tests_is_built() {
     }
 }
 
-/// Whether a source has an example in its documentation, which the doc tests would compile.
+/// Whether a source has a documentation example that doc tests would compile.
 fn has_example(text: &str) -> bool {
     let mut inside = false;
     let mut found = false;
@@ -101,7 +101,8 @@ fn has_example(text: &str) -> bool {
     found
 }
 
-/// Looking for examples takes seconds per crate; a crate without any says so, and one that gets its first has to be looked through again.
+/// Searching for examples takes seconds per crate: crates without any disable doc tests, and must enable them with
+/// their first example.
 #[test]
 fn doc_tests_look_where_there_are_examples() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

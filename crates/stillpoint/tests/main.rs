@@ -1,6 +1,6 @@
-//! The whole system, and the workspace that it is made of.
+//! Tests of the whole system and of the workspace.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise test helpers as tests.
 
 mod accuracy;
 mod allocations;

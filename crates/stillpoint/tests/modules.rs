@@ -1,5 +1,5 @@
-//! Inside `slam` the modules import each other in one direction: a cycle would make of two rooms one. The test reads the sources, as
-//! no tool says which module uses which.
+//! Module imports inside `slam` must be acyclic. The test parses the sources, since no tool lists imports between
+//! modules.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// What a source file names of its crate: the first part of each path `crate::...`, comments and tests left out.
+/// Modules named in a source file: the first part of each path `crate::...`, without comments and tests.
 fn named(text: &str) -> BTreeSet<String> {
     let code = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
     let lines = code.lines().map(str::trim_start);
@@ -39,7 +39,7 @@ fn named(text: &str) -> BTreeSet<String> {
     names
 }
 
-/// The parts of a list `a, b::{c, d}}`, of which the opening brace is gone.
+/// The items of a list `a, b::{c, d}}` after its opening brace.
 fn top_level(list: &str) -> Vec<&str> {
     let (mut depth, mut start, mut parts) = (0, 0, Vec::new());
     for (i, c) in list.char_indices() {
@@ -59,7 +59,6 @@ fn top_level(list: &str) -> Vec<&str> {
     parts
 }
 
-/// Which top-level module of a crate names which.
 fn edges(src: &Path) -> Edges {
     let mut files = Vec::new();
     sources(src, &mut files);
@@ -69,7 +68,7 @@ fn edges(src: &Path) -> Edges {
         let first = inner.components().next().unwrap().as_os_str();
         let module = first.to_str().unwrap().trim_end_matches(".rs").to_owned();
         let is_test = file.file_stem().is_some_and(|s| s == "tests");
-        // `synthetic` makes what unit tests need.
+        // `synthetic` contains helpers of unit tests.
         let is_test = is_test || module == "synthetic";
         if module == "lib" || is_test || inner.components().any(|c| c.as_os_str() == "tests") {
             continue;
@@ -80,7 +79,6 @@ fn edges(src: &Path) -> Edges {
     edges
 }
 
-/// A way from a module back to itself.
 fn cycle(edges: &Edges) -> Option<Vec<String>> {
     fn search(edges: &Edges, way: &mut Vec<String>, done: &mut BTreeSet<String>) -> bool {
         let at = way.last().cloned().unwrap();
@@ -117,7 +115,7 @@ fn modules_of_slam_import_each_other_in_one_direction() {
     for stage in ["tracking", "mapping", "looping", "static_filter"] {
         assert!(edges[stage].contains("validation"), "{stage} has no edges");
     }
-    // What is named at the root of the crate may come from anywhere: inside, it is named where it stands.
+    // Paths must name the defining module, not re-exports at the crate root.
     for (module, names) in &edges {
         for name in names {
             assert!(

@@ -1,4 +1,4 @@
-//! Wheel odometry in whole runs, on the simulator: with controls that do without it.
+//! Wheel odometry in whole simulated runs, with controls without it.
 use crate::inertial::lost;
 use crate::rendered::Rendered;
 use stillpoint::geometry::{Camera, Se3, Vec3};
@@ -35,7 +35,8 @@ fn run(stages: Stages, scene: &Rendered, wheels: &SimulatedOdometry) -> (Vec<Fra
     (reports, system.log().unwrap())
 }
 
-/// By how much the pose of a frame is off, relative to the first one, m and deg; none where either has no pose, or they are not of one map.
+/// Error of a frame's pose relative to the first, m and deg; `None` if either has no pose, or they are in different
+/// submaps.
 fn off(reports: &[FrameReport], truth: &[(f64, Se3)], frame: usize) -> Option<[f64; 2]> {
     let (first, last) = (reports.first()?, reports.get(frame)?);
     if first.submap != last.submap {
@@ -51,7 +52,8 @@ fn state(reports: &[FrameReport]) -> Option<OdometryState> {
     reports.last().and_then(|r| r.odometry).map(|o| o.state)
 }
 
-/// Two people fill nine tenths of the view for three seconds while the camera walks aside by 0.8 m, or turns by 60 degrees.
+/// Two people fill nine tenths of the view for three seconds while the camera moves sideways by 0.8 m, or turns by 60
+/// degrees.
 #[test]
 fn a_blocked_view_costs_neither_frame_nor_place() {
     for name in ["blocked_walk", "blocked_turn"] {
@@ -62,7 +64,7 @@ fn a_blocked_view_costs_neither_frame_nor_place() {
         assert_eq!(lost(&with), 0);
         let is_carried = |r: &FrameReport| matches!(r.outcome, Outcome::Carried { .. });
         assert!(with.iter().any(is_carried));
-        // All the time, those frames included: wheels are known to 3 % of a turn.
+        // Including the blocked frames: the wheels' error is 3 % of a turn.
         let mut worst: f64 = 0.0;
         for frame in (0..140).step_by(5) {
             let [m, degrees] = off(&with, &truth, frame).unwrap();
@@ -73,7 +75,7 @@ fn a_blocked_view_costs_neither_frame_nor_place() {
         let found = Figures::all_posed(1e3 * worst, 140);
         ate::hold(&sequence, "none", "default", found);
         assert_eq!(state(&with), Some(OdometryState::Confirmed));
-        // The control.
+        // Control.
         let (without, _) = run(stages(scene.camera(), None), &scene, &wheels);
         let off = off(&without, &truth, 139);
         let far = off.is_none_or(|[m, deg]| m > 0.2 || deg > 5.0);
@@ -82,8 +84,8 @@ fn a_blocked_view_costs_neither_frame_nor_place() {
     }
 }
 
-/// By how much the poses of the first half second are off at the end, as seen from the last frame, m: the greatest of them, with wheels and without.
-/// Both runs see the same frames, which take longer to render than to track.
+/// Maximum error of the final poses of the first half second, seen from the last frame, m, with wheels and without.
+/// Both runs share the frames, since rendering is slower than tracking.
 fn beginning_off(simulator: Simulator, wheels: &SimulatedOdometry) -> [f64; 2] {
     let truth = simulator.ground_truth();
     let mut with = System::from(stages(*simulator.camera(), Some(wheels)));
@@ -113,7 +115,8 @@ fn first_half_second_off(system: &System, truth: &[(f64, Se3)]) -> f64 {
     (0..15).map(|k| off(k).norm()).fold(0.0, f64::max)
 }
 
-/// Two people own all that is to be seen when the camera is switched on, and walk. On the way back over the first second they do so again, and then the wheels are known to be right.
+/// Two walking people fill the view from the first frame on. Tracking backwards over the first second the same happens,
+/// but then the odometry is confirmed.
 #[test]
 fn a_beginning_that_rode_on_people_is_posed_anew_by_the_wheels() {
     let config = SimulatorConfig {
@@ -139,7 +142,7 @@ fn a_run_with_odometry_replays_bit_for_bit_and_needs_it() {
     let text = log.to_text();
     assert!(text.contains("\nodometry ") && text.contains("\n  base "));
     let read = RunLog::from_bytes(text.as_bytes()).unwrap();
-    // The source of the replay has none: it is in the log.
+    // The replay's source has no samples: they are in the log.
     let replayed = |log: RunLog| {
         let mut replay = Replay::new(stages(scene.camera(), Some(&wheels)), log).unwrap();
         let mut source = scene.source();
@@ -154,13 +157,14 @@ fn a_run_with_odometry_replays_bit_for_bit_and_needs_it() {
         ..read.clone()
     };
     assert_ne!(replayed(silent), log.trajectory);
-    // Where nothing is known of a base samples change nothing, and are not kept.
+    // Without a configured base, samples have no effect and are not logged.
     let (_, plain) = run(stages(scene.camera(), None), &scene, &wheels);
     assert!(!plain.entries.iter().any(is_odometry));
     assert!(Replay::new(stages(scene.camera(), None), log).is_err());
 }
 
-/// Wheels that are stuck, or of a camera that stands otherwise, cost no frame and no accuracy; those that slip for half a second are believed again.
+/// Stuck wheels, or a wrong mounting, cost neither frames nor accuracy; wheels that slip for half a second are trusted
+/// again afterwards.
 #[test]
 fn wrong_odometry_is_noticed_and_ignored_and_slipping_wheels_are_survived() {
     let scene = Rendered::new("xyz", 120, 30.0);

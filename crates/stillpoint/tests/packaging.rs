@@ -1,11 +1,11 @@
-//! What a registry and a release need of the workspace: facts about every crate, files that go with it, and names on which two files agree.
+//! Requirements of registries and releases: crate metadata, included files, and names shared by two files.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The categories in use, as crates.io spells them: it refuses others.
+/// Categories in use, as spelled by crates.io, which rejects others.
 const CATEGORIES: &[&str] = &[
     "algorithms",
     "command-line-utilities",
@@ -31,7 +31,7 @@ fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// All packages of the workspace that are published, as cargo describes them.
+/// All published packages of the workspace, as described by cargo.
 fn published() -> Vec<serde_json::Value> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let output = Command::new(cargo)
@@ -57,7 +57,6 @@ fn published() -> Vec<serde_json::Value> {
     packages.iter().filter(published).cloned().collect()
 }
 
-/// The package's folder.
 fn folder(package: &serde_json::Value) -> PathBuf {
     let manifest = Path::new(package["manifest_path"].as_str().unwrap());
     manifest.parent().unwrap().to_owned()
@@ -110,10 +109,10 @@ fn every_crate_has_its_files() {
             readme.starts_with(&format!("# {name}\n\n")) && readme.lines().count() < 40,
             "{name}: expected a short README.md that begins with the crate's name"
         );
-        // A link out of the crate would lead nowhere on the registry's page.
+        // Links out of the crate are broken on the registry's page.
         assert!(!readme.contains("](../"), "{name}: README.md");
         for licence in ["LICENSE-MIT", "LICENSE-APACHE"] {
-            // Links, so that there is one text; where a checkout has no links, each holds the way to that text.
+            // Symbolic links to one text; checkouts without symbolic links contain the path instead.
             let (here, there) = (read(&folder.join(licence)), read(&root().join(licence)));
             assert!(
                 here == there || here.trim() == format!("../../{licence}"),
@@ -123,7 +122,7 @@ fn every_crate_has_its_files() {
     }
 }
 
-/// A registry's copy of a crate has nothing that lies outside of the crate's folder.
+/// A published crate contains only files of its own folder.
 #[test]
 fn sources_include_only_what_lies_in_their_crate() {
     let mut included = 0;
@@ -158,8 +157,8 @@ fn sources_include_only_what_lies_in_their_crate() {
     assert!(included > 20, "{included} includes");
 }
 
-/// Every crate is published after those that it needs. Tests need crates that come later, which a registry would ask for too if they
-/// were named with a version; a path alone is left out of what is published.
+/// Crates are published in the order of dependencies. Tests depend on later crates: a versioned dependency would be
+/// required by the registry, a path alone is omitted when publishing.
 #[test]
 fn crates_can_be_published_one_after_the_other() {
     let packages = published();
@@ -196,7 +195,6 @@ fn crates_can_be_published_one_after_the_other() {
     }
 }
 
-/// What fetches programs looks for the archives that releases have.
 #[test]
 fn releases_have_the_archives_that_installers_look_for() {
     let packages = published();
@@ -228,7 +226,7 @@ fn releases_have_the_archives_that_installers_look_for() {
     }
 }
 
-/// Archives, packages and the image have the same documents, and those that a package names are there.
+/// Archives, packages and the image contain the same documents, and those named by a package exist.
 #[test]
 fn everything_that_is_given_away_has_its_notices() {
     let packages = published();
@@ -242,7 +240,7 @@ fn everything_that_is_given_away_has_its_notices() {
         .collect();
     let folder = root().join("crates/cli");
     for asset in &assets {
-        // What `tools/package` writes first is not there in a checkout.
+        // Files written by `tools/package` do not exist in a checkout.
         let written = asset[0].starts_with("target/") || asset[0].starts_with("../../target/");
         assert!(written || folder.join(asset[0]).is_file(), "{asset:?}");
     }
@@ -269,7 +267,8 @@ fn everything_that_is_given_away_has_its_notices() {
     }
 }
 
-/// A name that others can point elsewhere is no release of ours: actions are named by their commits, and the image is built by the oldest compiler that we support.
+/// Mutable names are unsafe for releases: actions are pinned by commit, and the image is built by the oldest supported
+/// compiler.
 #[test]
 fn what_releases_are_made_with_is_pinned() {
     let mut actions = 0;
@@ -295,7 +294,7 @@ fn what_releases_are_made_with_is_pinned() {
     assert!(workflow.contains("run: tools/images --check\n"));
 }
 
-/// Networks that panic become errors with a message, which needs panics that unwind.
+/// Panics in networks are converted to errors, which requires unwinding.
 #[test]
 fn panics_unwind_in_every_profile() {
     let manifest = read(&root().join("Cargo.toml"));

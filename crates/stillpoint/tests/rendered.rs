@@ -1,4 +1,4 @@
-//! Frames of the simulator for several runs: they take longer to render than to track.
+//! Simulated frames cached for several runs, since rendering is slower than tracking.
 
 use stillpoint::geometry::{Camera, Se3};
 use stillpoint::imaging::{
@@ -6,14 +6,13 @@ use stillpoint::imaging::{
 };
 use stillpoint::simulator::{SimulatedImu, SimulatedOdometry, Simulator, SimulatorConfig};
 
-/// All frames of a simulator.
 pub(crate) struct Rendered {
     simulator: Simulator,
     frames: Vec<RgbdFrame>,
 }
 
 impl Rendered {
-    /// Frames of 320x240 px of a scene.
+    /// Frames of a scene with 320x240 px.
     pub(crate) fn new(scene: &str, frames: usize, rate: f64) -> Self {
         let config = SimulatorConfig {
             scene: scene.into(),
@@ -33,12 +32,10 @@ impl Rendered {
         *self.simulator.camera()
     }
 
-    /// The exact pose at each frame.
     pub(crate) fn truth(&self) -> Vec<(f64, Se3)> {
         self.simulator.ground_truth()
     }
 
-    /// The frames from the first one on.
     pub(crate) fn source(&self) -> RenderedSource<'_> {
         RenderedSource {
             frames: self.frames.iter(),
@@ -48,7 +45,6 @@ impl Rendered {
         }
     }
 
-    /// The same with what an inertial sensor measures.
     pub(crate) fn with_imu(&self, imu: &SimulatedImu) -> RenderedSource<'_> {
         RenderedSource {
             imu: ImuTrack::new(self.simulator.inertial(imu).into()),
@@ -56,7 +52,6 @@ impl Rendered {
         }
     }
 
-    /// The same with what wheels say.
     pub(crate) fn with_odometry(&self, wheels: &SimulatedOdometry) -> RenderedSource<'_> {
         RenderedSource {
             odometry: OdometryTrack::new(self.simulator.odometry(wheels).into()),
@@ -65,7 +60,6 @@ impl Rendered {
     }
 }
 
-/// Rendered frames as a stream.
 pub(crate) struct RenderedSource<'a> {
     frames: std::slice::Iter<'a, RgbdFrame>,
     imu: ImuTrack,

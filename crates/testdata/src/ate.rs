@@ -1,33 +1,33 @@
-//! The table of errors that runs have: `ate.csv` beside this crate's `src`. A test holds what it measured against its row, so that a change
-//! that makes a run a fifth worse, or costs it frames, is noticed, and one that makes it a fifth better is recorded. How good is good enough
-//! is not said here: who renews the table reads the difference.
+//! Table of expected errors of runs: `ate.csv` beside this crate's `src`. Tests compare their results with its rows, so
+//! that a change that makes a run a fifth worse or better, or loses frames, is noticed. The table does not define
+//! acceptable errors: its differences are reviewed when it is renewed.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
-/// How far a run may be from the table, as a share of what stands there: of the error, and of the frames without a pose.
+/// Tolerance as a share of the expected value: of the error, and of the frames without a pose.
 const BAND: f64 = 0.2;
-/// Errors that differ by less are the same, mm: what the quietest simulated scenes differ by from seed to seed.
+/// Minimum tolerance of the error, mm: the variation of the quietest simulated scenes between seeds.
 const FLOOR_MM: f64 = 0.1;
 const HEAD: &str = "sequence,detector,preset,error_mm,frames,posed";
-/// The command that writes the whole table anew, as CONTRIBUTING.md has it.
+/// The command that writes the whole table anew, as in CONTRIBUTING.md.
 const RENEW: &str = "tools/errors";
 
-/// What a run came to.
+/// Result of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
-    /// Its error, mm: the RMSE of its ATE, of its drift where the camera stands still, or what the sequence's name says.
+    /// Error, mm: the RMSE of the ATE, of the drift of a static camera, or as named by the sequence.
     pub error_mm: f64,
-    /// How many frames were shown.
+    /// Number of frames.
     pub frames: usize,
-    /// How many of them have a pose in the end.
+    /// Number of frames with a final pose.
     pub posed: usize,
 }
 
 impl Figures {
-    /// Of a run in which every frame has a pose.
+    /// A run in which every frame has a pose.
     #[must_use]
     pub fn all_posed(error_mm: f64, frames: usize) -> Self {
         Self {
@@ -79,16 +79,16 @@ fn key(sequence: &str, detector: &str, preset: &str) -> String {
     columns.join(",")
 }
 
-/// What is wrong with a run beside what stands in the table.
+/// The difference between a run and its row, if beyond the tolerance.
 fn complaint(expected: Option<Figures>, found: Figures) -> Option<String> {
     let Some(expected) = expected else {
         return Some(format!("found {found:?}, and no row in the table"));
     };
     let most = FLOOR_MM.max(BAND * expected.error_mm);
-    // Of what always has all poses, none may be lost.
+    // Zero tolerance if all frames have poses.
     let lost = expected.frames.abs_diff(expected.posed);
     let more = (BAND * lost as f64).ceil() as usize;
-    // A comparison that no number fails is far off.
+    // NaN counts as a difference.
     let near = (found.error_mm - expected.error_mm).abs() <= most
         && found.frames == expected.frames
         && found.posed.abs_diff(expected.posed) <= more;
@@ -109,11 +109,11 @@ fn read() -> Table {
     parse(&std::fs::read_to_string(file()).expect("the table ate.csv"))
 }
 
-/// Holds a run against the table: the sequence, the detector and the preset of the static filter, all without commas. With `STILLPOINT_BLESS`
-/// set it writes the row instead.
+/// Compares a run with its row, identified by sequence, detector and preset of the static filter, all without commas.
+/// With `STILLPOINT_BLESS` set it writes the row instead.
 ///
 /// # Panics
-/// When the error or the count of frames without a pose is more than 20 % off what stands in the table, to either side, or nothing stands there.
+/// When the error or the number of frames without a pose differs by more than 20 %, or there is no row.
 #[track_caller]
 pub fn hold(sequence: &str, detector: &str, preset: &str, found: Figures) {
     static WRITING: Mutex<()> = Mutex::new(());
@@ -130,10 +130,10 @@ pub fn hold(sequence: &str, detector: &str, preset: &str, found: Figures) {
     }
 }
 
-/// The error that stands in the table, mm: for what has to be near it, such as runs of another seed.
+/// The error in the table, mm, for results that must be near it, such as runs of another seed.
 ///
 /// # Panics
-/// When nothing stands there.
+/// When there is no row.
 #[must_use]
 pub fn expected_mm(sequence: &str, detector: &str, preset: &str) -> f64 {
     let key = key(sequence, detector, preset);
@@ -163,7 +163,7 @@ mod tests {
             (10.0, 12.1, false),
             (10.0, 7.9, false),
             (10.0, f64::NAN, false),
-            // A fifth of little is nothing.
+            // The minimum tolerance applies.
             (0.3, 0.39, true),
             (0.3, 0.41, false),
         ] {

@@ -1,8 +1,9 @@
-//! Where tests find what is not committed: recordings, models, pictures; and a server on loopback. Who asks is counted, with what was missing, where
-//! `STILLPOINT_SKIPS` names a file: the test runner swallows what a passing test prints, so a test that did nothing would
-//! look like one that held. `.ci/run` reads the file.
+//! Locates uncommitted test data (recordings, models, pictures), and provides a server on loopback. If
+//! `STILLPOINT_SKIPS` names a file, used and missing data are recorded there: the test runner hides the output of
+//! passing tests, so a skipped test would look like a passed one. `.ci/run` reads the file.
 //!
-//! A line of it is `used` or `skipped`, the test (crate and name), and what was found or why it was skipped, separated by tabs.
+//! A line is `used` or `skipped`, the test (crate and name), and the data or the reason for skipping, separated by
+//! tabs.
 
 pub mod ate;
 pub mod server;
@@ -10,7 +11,7 @@ pub mod server;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// The folder of the data sets: the one that `STILLPOINT_DATA` names, else `../shared/data` beside the workspace.
+/// The folder of the data sets: `STILLPOINT_DATA`, else `../shared/data` beside the workspace.
 pub fn folder() -> PathBuf {
     std::env::var_os("STILLPOINT_DATA").map_or_else(
         || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
@@ -18,7 +19,7 @@ pub fn folder() -> PathBuf {
     )
 }
 
-/// The folder of a recording, by its name; none, counted as skipped, where it is not there.
+/// The folder of a recording; `None`, recorded as skipped, if missing.
 pub fn recording(name: &str) -> Option<PathBuf> {
     found(
         folder().join(name),
@@ -27,7 +28,8 @@ pub fn recording(name: &str) -> Option<PathBuf> {
     )
 }
 
-/// A file in a folder beside the data sets, such as `models/yolox_nano_416.onnx`; none, counted as skipped, where it is not there.
+/// A file in a folder beside the data sets, such as `models/yolox_nano_416.onnx`; `None`, recorded as skipped, if
+/// missing.
 pub fn beside(file: &str) -> Option<PathBuf> {
     found(folder().join("..").join(file), Path::exists, file)
 }
@@ -41,14 +43,14 @@ fn found(path: PathBuf, is: fn(&Path) -> bool, what: &str) -> Option<PathBuf> {
     None
 }
 
-/// Counts the test that runs as skipped, or what is left of it, and says so to who reads its output.
+/// Records the current test, or the rest of it, as skipped, and prints the reason.
 #[allow(clippy::print_stderr)]
 pub fn skipped(reason: &str) {
     eprintln!("skipped: {reason}");
     note("skipped", reason);
 }
 
-/// Appends a line in one write, since tests run at once, also in several processes.
+/// Appends a line in one write, since tests run concurrently, also in several processes.
 fn note(kind: &str, what: &str) {
     let Some(file) = std::env::var_os("STILLPOINT_SKIPS") else {
         return;
@@ -73,7 +75,7 @@ fn note(kind: &str, what: &str) {
 mod tests {
     use super::*;
 
-    /// Runs in a process of its own, with a folder and a file of notes, and not otherwise.
+    /// Does nothing unless started as a child process with a folder and a file of notes.
     #[test]
     fn child_that_asks() {
         if std::env::var_os("STILLPOINT_TEST_CHILD").is_some() {

@@ -1,6 +1,6 @@
-//! A server on loopback whose every answer a test writes by hand.
+//! A server on loopback with answers written by the test.
 
-#![allow(clippy::unwrap_used, missing_docs)] // A test's server has nobody to tell but the test.
+#![allow(clippy::unwrap_used, missing_docs)] // A helper of tests only.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
-/// What a client asked for.
+/// A client's request.
 #[derive(Clone, Debug)]
 pub struct Request {
     pub path: String,
@@ -28,7 +28,7 @@ impl Request {
     }
 }
 
-/// Answers requests until it is dropped. Each connection has a thread of its own and ends after one answer.
+/// Answers requests until dropped. Each connection has its own thread and ends after one answer.
 pub struct Server {
     pub base: String,
     requests: Arc<Mutex<Vec<Request>>>,
@@ -38,7 +38,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// `answer` gets the number of the request, from 0, and what was asked.
+    /// `answer` gets the index of the request, from 0, and the request.
     pub fn start(answer: impl Fn(usize, &Request, &mut TcpStream) + Send + Sync + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
@@ -73,7 +73,7 @@ impl Server {
         }
     }
 
-    /// One that publishes these bytes as a good server does.
+    /// A server that publishes these bytes correctly.
     pub fn of(bytes: &'static [u8]) -> Self {
         Self::start(move |_, request, stream| serve(bytes, "\"v1\"", request, stream))
     }
@@ -110,13 +110,13 @@ fn read_request(stream: &TcpStream) -> Option<Request> {
     None
 }
 
-/// Sends bytes; the client may have gone.
+/// Sends bytes; ignores closed connections.
 pub fn send(stream: &mut TcpStream, bytes: &[u8]) {
     let _ = stream.write_all(bytes);
     let _ = stream.flush();
 }
 
-/// A whole answer with these header lines, each ended by `\r\n`.
+/// A whole answer with these header lines, each terminated by `\r\n`.
 pub fn reply(stream: &mut TcpStream, status: &str, headers: &str, body: &[u8]) {
     let head = format!(
         "HTTP/1.1 {status}\r\nConnection: close\r\nContent-Length: {}\r\n{headers}\r\n",
@@ -126,7 +126,7 @@ pub fn reply(stream: &mut TcpStream, status: &str, headers: &str, body: &[u8]) {
     send(stream, body);
 }
 
-/// The file, or the rest of it if that is asked for and it is still the same.
+/// The file, or the rest of it if requested and unchanged.
 pub fn serve(bytes: &[u8], etag: &str, request: &Request, stream: &mut TcpStream) {
     let same = request.header("if-range").is_none_or(|tag| tag == etag);
     match request.start().filter(|_| same) {
@@ -143,7 +143,7 @@ pub fn serve(bytes: &[u8], etag: &str, request: &Request, stream: &mut TcpStream
     }
 }
 
-/// Says that all bytes come, sends the first `sent` and hangs up.
+/// Announces all bytes, sends the first `sent` and disconnects.
 pub fn break_off(bytes: &[u8], sent: usize, headers: &str, stream: &mut TcpStream) {
     let head = format!(
         "HTTP/1.1 200 OK\r\nContent-Length: {}\r\n{headers}\r\n",
@@ -153,7 +153,7 @@ pub fn break_off(bytes: &[u8], sent: usize, headers: &str, stream: &mut TcpStrea
     send(stream, &bytes[..sent]);
 }
 
-/// Some 200 kB that are the same in every run.
+/// Some 200 kB of constant pseudo-random bytes.
 pub fn made_up_bytes() -> &'static [u8] {
     let mut state = 1_u32;
     let bytes: Vec<u8> = (0..200_003)
@@ -165,7 +165,7 @@ pub fn made_up_bytes() -> &'static [u8] {
     bytes.leak()
 }
 
-/// Waits until the client has gone.
+/// Waits until the client disconnects.
 pub fn stall(stream: &mut TcpStream) {
     let _ = stream.read(&mut [0; 1]);
 }

@@ -1,4 +1,4 @@
-//! Which detection is of which object.
+//! Assignment of detections to tracks.
 
 use super::expected::Expected;
 use super::kind::may_be_one;
@@ -11,15 +11,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use stillpoint_geometry::assign;
 use stillpoint_imaging::CoarseDepth;
 
-/// Whole units per unit of benefit: sums of whole numbers below 2^53 are exact, so equal sums stay equal. Chosen: a millionth tells no two detections
-/// apart.
+/// Integer units per unit of benefit: sums of integers below 2^53 are exact, so ties stay ties. Chosen: a millionth
+/// tells no two detections apart.
 const UNITS: f64 = 1e6;
-/// Tracks or detections that the method is used on at once, a number. Things that hide each other in chains so long are boxes without meaning, as of
-/// a detector with a wrong threshold; there each takes what fits it best. Chosen: the work grows with the cube, a quarter of a million here.
+/// Maximum tracks or detections of a group for optimal assignment, a number. Longer chains of overlapping objects are
+/// meaningless boxes, e.g. of a detector with a wrong threshold; there the assignment is greedy. Chosen: the work grows
+/// with the cube, a quarter of a million here.
 const LARGEST_GROUP: usize = 64;
 
-/// For each track its detection and that detection's index: the assignment of the greatest sum of benefits (Kuhn 1955, Munkres 1957) among the pairs that
-/// pass the gates. Of the surfaces in a box, those of objects in front are taken away.
+/// For each track the index of its detection and the measurement: the assignment of maximum total benefit (Kuhn 1955,
+/// Munkres 1957) among the pairs that pass the gates. Surfaces of objects in front are removed from a box.
 pub(super) fn associate(
     tracks: &[Track],
     view: &View,
@@ -40,7 +41,7 @@ pub(super) fn associate(
     let mut pairs = Vec::new();
     for (i, track) in tracks.iter().enumerate() {
         for (j, m) in measurements.iter().enumerate() {
-            // Most are of another class or somewhere else, which costs little to know.
+            // Cheap test first: most pairs have different classes or positions.
             if !may_be_one(m.detection.class, track.class) || expected[i].is_far_from(m, share) {
                 continue;
             }
@@ -66,16 +67,15 @@ pub(super) fn associate(
     found.map(|(i, j)| j.map(|j| (j, measured(i, j)))).collect()
 }
 
-/// A track and a detection that may be of one object.
+/// A track and a detection that may show the same object.
 struct Pair {
     track: usize,
     detection: usize,
-    /// What it adds to the sum.
     benefit: i64,
 }
 
-/// For each track its detection. Tracks and detections that no chain of pairs connects cannot take each other's place, so each group is
-/// solved on its own: the effort grows with the cube of the largest group instead of with that of all.
+/// Index of the detection of each track. Tracks and detections are independent unless connected by a chain of pairs, so
+/// each group is solved separately: the effort grows with the cube of the largest group only.
 fn assign_by_group(pairs: &[Pair], tracks: usize, detections: usize) -> Vec<Option<usize>> {
     let groups = groups(pairs, tracks, detections);
     let mut members: BTreeMap<usize, Group<'_>> = BTreeMap::new();
@@ -92,7 +92,6 @@ fn assign_by_group(pairs: &[Pair], tracks: usize, detections: usize) -> Vec<Opti
     assigned
 }
 
-/// Tracks and detections that pairs connect.
 #[derive(Default)]
 struct Group<'a> {
     tracks: BTreeSet<usize>,
@@ -121,7 +120,6 @@ impl Group<'_> {
 }
 
 impl Group<'_> {
-    /// The pair of the greatest benefit first, then the one of those that are left.
     fn assign_best_first(&self, assigned: &mut [Option<usize>]) {
         let mut order = self.pairs.clone();
         order.sort_by_key(|p| (Reverse(p.benefit), p.track, p.detection));
@@ -134,7 +132,7 @@ impl Group<'_> {
     }
 }
 
-/// The benefits where no pair passes the gates. Each track has a column of its own, after those of the detections, that stands for no detection.
+/// Benefits without any pair. After the detections, each track has a column of its own for "no detection".
 fn none_at_all(tracks: usize, detections: usize) -> Vec<Vec<f64>> {
     let mut weights = vec![vec![f64::NEG_INFINITY; detections + tracks]; tracks];
     for (i, row) in weights.iter_mut().enumerate() {
@@ -143,7 +141,7 @@ fn none_at_all(tracks: usize, detections: usize) -> Vec<Vec<f64>> {
     weights
 }
 
-/// The group of each track, by the least number among its members.
+/// The group of each track: the smallest index of its members.
 fn groups(pairs: &[Pair], tracks: usize, detections: usize) -> Vec<usize> {
     fn root(of: &mut [usize], mut i: usize) -> usize {
         while of[i] != i {
@@ -169,7 +167,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Group by group the sum is that of all at once.
+        /// Solving by group gives the same sum as solving all at once.
         #[test]
         fn groups_lose_nothing(numbers in prop::collection::vec((0..7_usize, 0..8_usize, 1..50_i64), 0..20)) {
             let mut of = BTreeMap::new();

@@ -6,21 +6,25 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectsConfig {
-    /// How long a confirmed object lives on without a detection, s, 0.1..=10. Small networks miss a walking person for up to 25 frames of 30 per
-    /// second; beyond 1.5 s the prediction says little.
+    /// Time for which a confirmed object is kept without a detection, s, 0.1..=10. Small networks miss a walking person
+    /// for up to 25 frames of 30 per second; beyond 1.5 s the prediction says little.
     pub coast_seconds: f64,
-    /// How long an object is kept that was seen only once, s, 0..=10, and for two missed detections at least. A tenth of a second keeps a walker who is
-    /// found in every third frame of 30 per second, and lets a false alarm mask no longer; a little less leaves room for the frames' jitter.
+    /// Time for which an object detected only once is kept, s, 0..=10, and for at least two missed detections. A tenth
+    /// of a second keeps a walker detected in every third frame of 30 per second, and does not prolong masks of false
+    /// alarms; slightly less allows for the frames' jitter.
     pub tentative_seconds: f64,
-    /// Acceleration that objects are expected to have, m/s^2, 0.05..=20: what a velocity changes by in a second. 1 is a person who walks, turns and stops.
+    /// Expected acceleration of objects, m/s^2, 0.05..=20: the change of velocity in a second. 1 is a person who walks,
+    /// turns and stops.
     pub acceleration: f64,
-    /// Standard deviation of a side of a detected box as a share of the box's size, 0.005..=0.5. Boxes of small networks jitter by some hundredths,
-    /// and limbs swing: of 0.06, 0.1 and 0.15, 0.1 confuses simulated and real walkers least.
+    /// Standard deviation of a side of a detected box as a share of the box's size, 0.005..=0.5. Boxes of small
+    /// networks jitter by some hundredths, and limbs swing: of 0.06, 0.1 and 0.15, 0.1 confuses simulated and real
+    /// walkers least.
     pub side_sigma: f64,
-    /// Share of an object's features that must agree with a static scene for it to count as standing still, above 0.6 up to 1. The rigid test accepts 95 % of
-    /// static features; some of the box is background.
+    /// Minimum share of an object's features that agree with a static scene for it to count as static, above 0.6 up
+    /// to 1. The rigid test accepts 95 % of static features; some of the box is background.
     pub parked_share: f64,
-    /// How long an object must stand still to be parked, s, 0.1..=60. A walker who turns round stands still for about a second.
+    /// Time for which an object must be static to be parked, s, 0.1..=60. A walker who turns round is static for about
+    /// a second.
     pub parked_seconds: f64,
 }
 
@@ -38,7 +42,7 @@ impl Default for ObjectsConfig {
 }
 
 impl ObjectsConfig {
-    /// Every value out of range, as `field: expected, found`; empty when all is well.
+    /// All values out of range, as `field: expected, found`; empty if there are none.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();

@@ -1,28 +1,30 @@
-//! The depth of what is in a box: robust against the background beside it and things in front of it.
+//! Surfaces in a box, robust against background and foreground.
 
 use super::common::PART;
 use crate::BoundingBox;
 use stillpoint_imaging::CoarseDepth;
 
-/// Cells of one surface in a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct DepthMode {
     /// Median, m.
     pub(super) depth: f64,
-    /// Nearest and farthest depth that belong to it, m.
+    /// Nearest and farthest depth, m.
     pub(super) range: [f64; 2],
     /// Its share of the cells with depth.
     pub(super) share: f64,
 }
 
-/// Part of the width and height of a box, as shares, in which the object surely is: the background shows at the sides (section 14 of docs/algorithm.md).
+/// Part of the width and height of a box, as shares, that certainly contains the object: the background shows at the
+/// sides (section 14 of docs/algorithm.md).
 const CENTRAL: [f64; 2] = [0.5, 0.7];
-/// A surface is what lies within this depth, m: a body with its arms. Measured: with 0.5 real people have a fifth more ghosts, and simulated people are exchanged as often.
+/// Depth extent of a surface, m: a body with its arms. Measured: with 0.5 real people have a fifth more ghosts, and
+/// simulated people are exchanged as often.
 const THICKNESS: f64 = 0.4;
-/// Rows and columns of cells that are looked at in a box, less than twice as many: shares of a thousand cells have a standard deviation of 2 %.
+/// Rows and columns of cells sampled in a box, fewer than twice as many: shares of a thousand cells have a standard
+/// deviation of 2 %.
 pub(super) const MOST_CELLS: usize = 32;
 
-/// The surfaces that hold much of the central part of a box, nearest first; empty without depth.
+/// The surfaces that fill a relevant part of the centre of a box, nearest first; empty without depth.
 pub(super) fn modes(depth: &CoarseDepth, bounds: &BoundingBox) -> Vec<DepthMode> {
     let mut found = central_depths(depth, bounds);
     found.sort_by(f64::total_cmp);
@@ -42,13 +44,12 @@ pub(super) fn modes(depth: &CoarseDepth, bounds: &BoundingBox) -> Vec<DepthMode>
     modes
 }
 
-/// Depths of the cells whose middle is in the central part of the box.
+/// Depths of the cells centred in the central part of the box.
 pub(super) fn central_depths(depth: &CoarseDepth, bounds: &BoundingBox) -> Vec<f64> {
     let [u, v] = bounds.centre();
     let half_width = bounds.width() / 2.0 * CENTRAL[0];
     let half_height = bounds.height() / 2.0 * CENTRAL[1];
     let cell = depth.cell().max(1) as f64;
-    // One cell more on each side: whether its middle is inside is asked below.
     let range = |from: f64, to: f64, end: usize| {
         let first = ((from / cell).floor() - 1.0).max(0.0) as usize;
         let last = ((to / cell).ceil() + 1.0).max(0.0) as usize;
@@ -56,7 +57,6 @@ pub(super) fn central_depths(depth: &CoarseDepth, bounds: &BoundingBox) -> Vec<f
     };
     let columns = range(u - half_width, u + half_width, depth.width());
     let rows = range(v - half_height, v + half_height, depth.height());
-    // Of large boxes every n-th cell of each direction is as good: the surfaces are found from shares.
     let step = (columns.len().max(rows.len()) / MOST_CELLS).max(1);
     let mut found = Vec::new();
     for y in rows.step_by(step) {
@@ -70,7 +70,7 @@ pub(super) fn central_depths(depth: &CoarseDepth, bounds: &BoundingBox) -> Vec<f
     found
 }
 
-/// How many of the sorted depths lie within a surface's thickness of the first.
+/// Number of sorted depths within a surface's thickness of the first.
 fn within(sorted: &[f64]) -> usize {
     let Some(first) = sorted.first() else {
         return 0;
@@ -78,7 +78,7 @@ fn within(sorted: &[f64]) -> usize {
     sorted.partition_point(|z| *z <= first + THICKNESS)
 }
 
-/// Where the nearest dominant surface starts: of the windows that overlap the first dominant one, the fullest.
+/// Start of the nearest dominant surface: of the windows that overlap the first dominant one, the fullest.
 fn dominant_start(sorted: &[f64], wanted: f64) -> Option<usize> {
     let full = |i: usize| within(&sorted[i..]);
     let first = (0..sorted.len()).find(|&i| full(i) as f64 >= wanted)?;
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn the_fullest_window_wins_over_its_fringe() {
-        // Stray cells just before the body belong to no window of their own, and do not pull its middle.
+        // Stray cells in front of the body are not a surface and do not bias it.
         let found = modes(
             &depth_of(|x, y| if (x + y) % 5 == 0 { 1.7 } else { 2.2 }),
             &BOX,

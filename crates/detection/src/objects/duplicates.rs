@@ -1,4 +1,4 @@
-//! Two tracks on one object: how they are kept from starting, and merged.
+//! Duplicate tracks of one object: prevention and merging.
 
 use super::common::{LOOKS, SAME_BOX};
 use super::expected::Expected;
@@ -8,19 +8,20 @@ use super::track::Track;
 use super::view::View;
 use crate::{BoundingBox, ClassId};
 
-/// A box is a part of another when this share of it lies inside (section 14 of docs/algorithm.md).
+/// Minimum share of a box inside another to be a part of it (section 14 of docs/algorithm.md).
 const INSIDE: f64 = 0.85;
-/// Surfaces this near to each other are of one body, m: half the depth of a body with its arms. Measured: 0.4 exchanges simulated people, IDF1 is 0.05 less.
+/// Maximum depth difference of surfaces of one body, m: half the depth of a body with its arms. Measured: 0.4 exchanges
+/// simulated people, IDF1 is 0.05 less.
 pub(super) const SAME_DEPTH: f64 = 0.25;
 
-/// Whether the smaller of two boxes has the shape of a part of the larger. Networks cut people across: head and shoulders, or legs, keep more of the width than of the
-/// height. A box that keeps more of the height is somebody else who shows at the side of the one in front.
+/// Whether the smaller of two boxes has the shape of a part of the larger. Networks cut people horizontally: head and
+/// shoulders, or legs, keep more of the width than of the height. A box that keeps more of the height is another
+/// person, partly hidden by the one in front.
 fn cut_across(a: &BoundingBox, b: &BoundingBox) -> bool {
     let (part, whole) = if a.area() < b.area() { (a, b) } else { (b, a) };
     part.width() * whole.height() >= part.height() * whole.width()
 }
 
-/// Share of the smaller box that lies in the other.
 pub(super) fn overlap(a: &BoundingBox, b: &BoundingBox) -> f64 {
     let iou = a.iou(b);
     let common = iou * (a.area() + b.area()) / (1.0 + iou);
@@ -28,8 +29,8 @@ pub(super) fn overlap(a: &BoundingBox, b: &BoundingBox) -> f64 {
     if least > 0.0 { common / least } else { 0.0 }
 }
 
-/// Whether a detection is a part of one that belongs to a known object: the upper half of a person beside the whole, or a thing on a person, at the person's depth: networks
-/// call legs a cake. Its place is masked already.
+/// Whether a detection is a part of one already assigned to a track: the upper half of a person beside the whole, or a
+/// thing on a person at the same depth (networks call legs a cake). Its area is masked already.
 pub(super) fn part_of_another(m: &Measurement, all: &[Measurement], taken: &[bool]) -> bool {
     all.iter().zip(taken).any(|(other, taken)| {
         let same = match (m.modes.first(), other.modes.first()) {
@@ -47,7 +48,8 @@ pub(super) fn part_of_another(m: &Measurement, all: &[Measurement], taken: &[boo
     })
 }
 
-/// The detections without those that call a thing by a second name: of boxes of different classes that are nearly the same the surest one stays.
+/// Removes detections of the same object with another class: of nearly equal boxes of different classes the one of the
+/// highest score stays.
 pub(super) fn one_name_each(mut all: Vec<Measurement>) -> Vec<Measurement> {
     all.sort_by(|a, b| b.detection.score.total_cmp(&a.detection.score));
     let mut kept: Vec<Measurement> = Vec::with_capacity(all.len());
@@ -66,7 +68,7 @@ pub(super) fn one_name_each(mut all: Vec<Measurement>) -> Vec<Measurement> {
     kept
 }
 
-/// Whether two tracks are on the same thing now.
+/// Whether two tracks are on the same object at present.
 fn same((a, at_a): (&Track, &Expected), (b, at_b): (&Track, &Expected)) -> bool {
     if !may_be_one(a.class, b.class) {
         return false;
@@ -74,9 +76,9 @@ fn same((a, at_a): (&Track, &Expected), (b, at_b): (&Track, &Expected)) -> bool 
     let same_class = a.class == b.class;
     let (box_a, box_b) = (at_a.bounds, at_b.bounds);
     match (at_a.depth(), at_b.depth()) {
-        // A cup on a table is a part of its box; things of two names are one only where their boxes are.
+        // A cup is inside the box of a table: tracks of different classes are equal only if their boxes are.
         (Some(x), Some(y)) if same_class => {
-            // Of the detections of one frame those that do not have the shape of a whole and its part are of two people.
+            // Two detections of one frame are two people unless they have the shape of a whole and its part.
             let two = a.misses == 0 && b.misses == 0 && !cut_across(&box_a, &box_b);
             !two && (x - y).abs() <= SAME_DEPTH && overlap(&box_a, &box_b) >= INSIDE
         }
@@ -85,10 +87,11 @@ fn same((a, at_a): (&Track, &Expected), (b, at_b): (&Track, &Expected)) -> bool 
     }
 }
 
-/// Merges tracks that have been on the same thing for some updates. The elder keeps its id; the state is that of the one that was seen, or of the larger.
-/// Returns the ones that ended: two people who stood before each other go apart again.
+/// Merges tracks that have been on the same object for some updates. The older keeps its id; the state is that of the
+/// one detected more recently, or of the larger. Returns the merged tracks, which may separate again: two people, one
+/// in front of the other.
 pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) -> Vec<Track> {
-    // Confirmed ones are elder than those that were seen once.
+    // Confirmed tracks count as older than tentative ones.
     let mut order: Vec<usize> = (0..tracks.len()).collect();
     order.sort_by_key(|&i| (!tracks[i].confirmed(), tracks[i].id));
     let mut gone = vec![false; tracks.len()];
@@ -111,7 +114,7 @@ pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) -> Vec<Track> {
         let other = tracks[young].clone();
         let kept = &mut tracks[elder];
         let larger = expected[young].bounds.area() > expected[elder].bounds.area();
-        // One that was seen once, and is not sure, does not say where the other went.
+        // A track detected once with a low score must not override the other's state.
         let sure = other.confirmed() && !kept.votes.surer_than_those_of(&other.votes);
         if sure && (other.misses < kept.misses || (other.misses == kept.misses && larger)) {
             kept.body = other.body;

@@ -1,4 +1,4 @@
-//! Where an object is expected in an image.
+//! Predicted appearance of a track in an image.
 
 use super::fit::CHI2_99;
 use super::measurement::Measurement;
@@ -6,16 +6,16 @@ use super::spatial::Projection;
 use super::view::Sides;
 use crate::BoundingBox;
 
-/// Where a track is expected in an image: computed once for all that it is compared with.
+/// Predicted appearance of a track, computed once for all comparisons.
 #[derive(Clone, Debug)]
 pub(super) struct Expected {
-    /// Of an object in space, unless it is behind the camera.
+    /// Of an object with depth, unless behind the camera.
     pub(super) projection: Option<Projection>,
-    /// Box in the raw image; without area when it is outside.
+    /// Box in the raw image; empty when outside.
     pub(super) bounds: BoundingBox,
     /// Standard deviation of the depth, m.
     pub(super) depth_sigma: f64,
-    /// Sides of the box, undistorted px, and the variance of each; none behind the camera.
+    /// Sides of the box, undistorted px, with their variances; `None` behind the camera.
     pub(super) sides: Option<(Sides, [f64; 4])>,
 }
 
@@ -25,14 +25,15 @@ impl Expected {
         self.projection.as_ref().map(|p| p.z)
     }
 
-    /// Whether a detection lies so far beside the box that one side alone is outside all gates. Only what depends on nobody else is looked at.
+    /// Whether one side alone of a distant detection fails all gates. Uses only quantities that do not depend
+    /// on other tracks.
     pub(super) fn is_far_from(&self, m: &Measurement, share: f64) -> bool {
         let Some((sides, variances)) = &self.sides else {
             return false;
         };
         let beside = |axis: usize| {
             let (low, high) = (axis, axis + 2);
-            // The side of the box that the detection is beyond: it binds at the border of the image, too.
+            // The nearest side of the predicted box: it is valid at the image border, too.
             let side = if m.sides[low] > sides[high] {
                 high
             } else if m.sides[high] < sides[low] {

@@ -1,4 +1,4 @@
-//! Whether a detection may be of an object, and how well it fits.
+//! Gates and benefits of pairs of tracks and detections.
 
 use super::common::{HALF, LOOKS, SAME_BOX};
 use super::duplicates::overlap;
@@ -8,21 +8,20 @@ use super::measurement::Measurement;
 use super::track::{Body, Track};
 use super::view::View;
 
-/// How well a detection fits a track.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fit {
-    /// Greater is better, about 0 to 2.
+    /// Higher is better, about 0 to 2.
     pub(super) benefit: f64,
 }
 
 /// 99 % quantiles of chi-square for 0 to 5 degrees of freedom.
 pub(super) const CHI2_99: [f64; 6] = [0.0, 6.635, 9.210, 11.345, 13.277, 15.086];
-/// As [`SAME_BOX`] where the depths agree, a share: arms that stretch, and others who hide a part, change a box at once. Measured: 0.4, with 0.5 where they contradict, loses real
-/// people (IDF1 0.04 less).
+/// Like [`SAME_BOX`] where the depths agree, a share: stretched arms and partial occlusion change a box at once.
+/// Measured: 0.4, with 0.5 where they contradict, loses real people (IDF1 0.04 less).
 const SAME_BOX_SAME_DEPTH: f64 = 0.3;
 
 impl Track {
-    /// How well a detection fits a track that is expected there; `None` when it is not of this object.
+    /// Agreement of a detection with the prediction of this track; `None` when a gate fails.
     pub(super) fn fit(
         &self,
         view: &View,
@@ -58,19 +57,19 @@ impl Track {
         // At first, the image border hides most of a person who enters, and the box shows background.
         let comes_in = self.fresh < 2 * LOOKS && self.cut;
         let (own, new) = (&expected.bounds, &m.detection.bounds);
-        // What nothing cuts does not shrink at once, though sides that were cut before are known vaguely.
+        // Uncut boxes do not shrink at once, even if their sides are uncertain because they were cut before.
         let kept =
             |axis: usize, own: f64, new: f64| m.cut[axis] || m.cut[axis + 2] || new >= HALF * own;
         let kept = kept(0, own.width(), new.width()) && kept(1, own.height(), new.height());
         let inside = overlap(own, new);
         let at_border =
             m.cut.contains(&true) && kept && (mode.is_some() || comes_in) && inside >= SAME_BOX;
-        // One that is far less sure than usual must be where the object is expected: gates grow with the time without detections, and let false alarms in. Of what the
-        // border cuts networks are less sure.
+        // Detections with an unusually low score must match the predicted position: gates widen while detections are
+        // missing, and would accept false alarms. At the image border low scores are normal.
         let doubtful = !m.at_border && self.votes.surer_than(f64::from(m.detection.score));
         let occluded = self.hidden && self.absent == 0;
         let allowed = if same_class {
-            // Who is hidden is expected vaguely: a gate that wide takes false alarms for the person.
+            // The prediction of a hidden person is uncertain: wide gates would accept false alarms.
             iou >= least
                 || at_border
                 || (kept
@@ -79,7 +78,7 @@ impl Track {
                     && !contradicts
                     && (!occluded || (mode.is_some() && inside >= HALF)))
         } else {
-            // What another class is said of must be at the very place.
+            // Detections of another class must match the position closely.
             iou >= HALF && !contradicts
         };
         let closeness = (1.0 - chi2 / gate.max(1.0)).max(0.0);
@@ -120,7 +119,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
 
-        /// What is told apart at a glance would have failed all gates, at the border of the image and without depth, too.
+        /// Pairs rejected by the cheap test fail all gates, also at the image border and without depth.
         #[test]
         fn what_is_far_fits_nothing(a in boxes(), b in boxes(), has_depth in prop::bool::ANY, seconds in 0.0..1.0_f64) {
             let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
@@ -140,7 +139,8 @@ mod tests {
         }
     }
 
-    /// Whether a box of a person's fits a track that was cut at the left border twice, of a box of `width` px from there.
+    /// Whether a box of a person matches a track that was cut at the left border twice, with a box of `width` px from
+    /// there.
     fn fits_after_border(width: f64, new: [f64; 4]) -> bool {
         let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
         let view = View::ahead(&camera);
@@ -161,7 +161,7 @@ mod tests {
             .is_some()
     }
 
-    /// What the border cut is known vaguely, but nobody shrinks to a sliver in the middle of the image.
+    /// Sides cut by the border are uncertain, but a person does not shrink to a sliver in the middle of the image.
     #[test]
     fn nobody_shrinks_to_less_than_half_where_nothing_cuts_him() {
         assert!(fits_after_border(300.0, [10.0, 0.0, 270.0, 480.0]));

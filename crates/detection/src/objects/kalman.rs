@@ -1,40 +1,38 @@
-//! Kalman filter of eight numbers with measurements that arrive one scalar at a time.
+//! Kalman filter with eight states and sequential scalar measurements.
 
 use stillpoint_geometry::nalgebra::{SMatrix, SVector};
 
-/// Eight numbers: the state of an object, or one row of a Jacobian.
+/// A state, or one row of a Jacobian.
 pub(super) type Vec8 = SVector<f64, 8>;
-/// Covariance of a state.
 pub(super) type Mat8 = SMatrix<f64, 8, 8>;
 
 /// One scalar measurement, linearised at the mean before the update.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row {
-    /// Derivative of the measured number by the state.
+    /// Derivative of the measurement by the state.
     pub(super) jacobian: Vec8,
     /// Measured minus predicted.
     pub(super) residual: f64,
-    /// Variance of the measurement.
     pub(super) variance: f64,
 }
 
-/// Two entries of the state of which one is the rate of the other, driven by white noise.
+/// A state entry and its rate, driven by white noise.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drive {
-    /// Index of the value.
     pub(super) value: usize,
     /// Index of its rate; `None` for a random walk.
     pub(super) rate: Option<usize>,
-    /// Variance that the rate (or the walking value) gains per second.
+    /// Variance added to the rate (or random walk) per second.
     pub(super) density: f64,
-    /// Share of the rate that is lost per second: without measurements it returns to zero. 0: it stays.
+    /// Decay of the rate per second: without measurements it returns to zero. 0: constant.
     pub(super) decay: f64,
 }
 
 impl Drive {
-    /// By how much rate and value change over `dt` seconds per unit of rate, and the noise of value, both and rate that comes in: a velocity that returns to
-    /// zero under white noise (Singer, "Estimating optimal tracking filter performance for manned maneuvering targets", 1970, with the velocity in place of the
-    /// acceleration), and in the limit of no decay one that is constant.
+    /// Per unit of rate, the rate and the change of the value after `dt` seconds, and the process noise (value, cross,
+    /// rate): a velocity that decays to zero under white noise (Singer, "Estimating optimal tracking filter performance
+    /// for manned maneuvering targets", 1970, with the velocity in place of the acceleration); without decay, constant
+    /// velocity.
     fn over(&self, dt: f64) -> ([f64; 2], [f64; 3]) {
         let (k, q, span) = (self.decay, self.density, dt.abs());
         if k * span < 1e-4 {
@@ -53,19 +51,18 @@ impl Drive {
     }
 }
 
-/// A normal distribution of a state.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Gaussian {
-    /// Mean.
     pub(super) mean: Vec8,
     /// Covariance, symmetric.
     pub(super) covariance: Mat8,
 }
 
 impl Gaussian {
-    /// The state `dt` seconds later; earlier if negative, where it is just as uncertain.
+    /// Predicts the state `dt` seconds later, or earlier if negative with the same uncertainty.
     ///
-    /// Constant rates under white noise integrate exactly (Bar-Shalom, Li, Kirubarajan 2001, eq. 6.2.2-4), so that many small steps are one large step.
+    /// Constant rates under white noise integrate exactly (Bar-Shalom, Li, Kirubarajan 2001, eq. 6.2.2-4), so that many
+    /// small steps equal one large step.
     pub(super) fn propagate(&mut self, dt: f64, drives: &[Drive]) {
         let mut f = Mat8::identity();
         let mut q = Mat8::zeros();
@@ -88,8 +85,8 @@ impl Gaussian {
         self.covariance = (p + p.transpose()) * 0.5;
     }
 
-    /// Takes in measurements with independent errors and returns their squared Mahalanobis distance: chi-square with `rows.len()` degrees of freedom
-    /// when the model holds. One after the other is the same as all at once, and needs no inverse.
+    /// Applies measurements with independent errors and returns their squared Mahalanobis distance: chi-square with
+    /// `rows.len()` degrees of freedom when the model holds. Sequential updates equal a joint one, without an inverse.
     pub(super) fn update(&mut self, rows: &[Row]) -> f64 {
         let start = self.mean;
         let mut chi2 = 0.0;
@@ -107,8 +104,8 @@ impl Gaussian {
         chi2
     }
 
-    /// Takes in measurements that depend on the state in a curved way: `rows` linearises them at a mean, and does so again where the last round led (iterated
-    /// filter, Bar-Shalom, Li, Kirubarajan 2001, section 10.5.2). After long coasting the first linearisation is far off.
+    /// Applies nonlinear measurements: `rows` is linearised repeatedly at the latest mean (iterated filter, Bar-Shalom,
+    /// Li, Kirubarajan 2001, section 10.5.2). After long coasting the first linearisation is poor.
     pub(super) fn update_iterated(&mut self, rounds: usize, rows: impl Fn(&Vec8) -> Vec<Row>) {
         let prior = self.clone();
         for _ in 0..rounds {
@@ -122,12 +119,11 @@ impl Gaussian {
         }
     }
 
-    /// Variance of a number that depends on the state by this derivative.
+    /// Variance of a quantity with this derivative by the state.
     pub(super) fn variance(&self, jacobian: &Vec8) -> f64 {
         jacobian.dot(&(self.covariance * jacobian))
     }
 
-    /// What [`Self::update`] would return.
     pub(super) fn distance(&self, rows: &[Row]) -> f64 {
         self.clone().update(rows)
     }

@@ -1,9 +1,9 @@
-//! Kinds of things: how lively they are, and which of them detectors confuse.
+//! Mobility of classes, and confusable classes.
 
 use crate::{ClassId, MotionWeights};
 use std::sync::LazyLock;
 
-/// How lively things of a class are, beside people: 1 for what moves by itself.
+/// Mobility of a class relative to people: 1 if it moves by itself.
 pub(super) fn liveliness(class: ClassId) -> f64 {
     static WEIGHTS: LazyLock<MotionWeights> = LazyLock::new(MotionWeights::default);
     let weight = WEIGHTS.get(class);
@@ -14,7 +14,7 @@ pub(super) fn liveliness(class: ClassId) -> f64 {
     }
 }
 
-/// Whether a detector may call one thing by both names. People are told from things by all detectors.
+/// Whether a detector may give one object both classes. Detectors do not confuse people with things.
 pub(super) fn may_be_one(a: ClassId, b: ClassId) -> bool {
     a == b || (liveliness(a) < 1.0 && liveliness(b) < 1.0)
 }

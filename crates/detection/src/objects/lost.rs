@@ -1,4 +1,4 @@
-//! Objects that are out of sight, and who of them is back.
+//! Memory and re-identification of objects out of sight.
 
 use super::ObjectId;
 use super::common::LOOKS;
@@ -10,14 +10,16 @@ use super::track::{Body, Track};
 use crate::ClassId;
 use stillpoint_geometry::Vec3;
 
-/// Time for which an object out of sight is remembered, s: about as long as people stay behind others or outside of the view (section 14 of docs/algorithm.md).
+/// Time for which an object out of sight is remembered, s: about as long as people stay behind others or outside of the
+/// view (section 14 of docs/algorithm.md).
 const REMEMBERED: f64 = 5.0;
-/// Distance within which an object is the same one at once, m: a step (0.7 m, 1.4 m/s at two a second), and the error of both positions while others hide a part. Measured: 0.9 is no different.
+/// Distance for re-identification at once, m: a step (0.7 m, 1.4 m/s at two a second), and the error of both positions
+/// while others hide a part. Measured: 0.9 is no different.
 pub(super) const NEAR: f64 = 0.8;
-/// Distance that each second out of sight counts for when objects are compared, m. Measured: without it MOTA of simulated people is 0.005 less.
+/// Distance equivalent of each second out of sight, when objects are compared, m. Measured: without it MOTA of
+/// simulated people is 0.005 less.
 const AGE: f64 = 0.2;
 
-/// An object that is out of sight.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Lost {
     id: ObjectId,
@@ -25,12 +27,11 @@ pub(super) struct Lost {
     position: Vec3,
     velocity: Vec3,
     last_seen: f64,
-    /// Whether it was sure to be one.
+    /// Whether it was certainly an object.
     sure: bool,
     rigidity: Rigidity,
 }
 
-/// Those that are out of sight.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Memory(Vec<Lost>);
 
@@ -39,18 +40,18 @@ impl Memory {
         self.0.clear();
     }
 
-    /// Remembers a track that ends. Those without depth, and those that never were reported, are not known again.
+    /// Remembers a track that ends. Tracks without depth, and unreported ones, are not.
     pub(super) fn keep(&mut self, track: &Track) {
         self.0.extend(Lost::of(track));
     }
 
-    /// Forgets those that have been away for too long.
     pub(super) fn age(&mut self, stamp: f64) {
         self.0.retain(|l| stamp - l.last_seen <= REMEMBERED);
     }
 
-    /// Gives tracks that were seen twice the numbers of the objects that they continue: of those that are out of sight, or were not in the newest
-    /// detections, and near enough, the nearest. What is sure to be an object and continues none is a new one. The track that had the number before ends.
+    /// Gives confirmed new tracks the ids of the nearest objects that are out of sight, or missing in the newest
+    /// detections, if near enough. Reported tracks without such an object are new objects. The track that had the id
+    /// before ends.
     pub(super) fn recognise(&mut self, tracks: &mut Vec<Track>) {
         let mut known: Vec<Lost> = self.0.clone();
         let missed = tracks.iter().filter(|t| t.misses > LOOKS);
@@ -63,7 +64,7 @@ impl Memory {
                 track.known = track.reported();
             }
         }
-        // The nearest pair first: two who come back at once are not exchanged.
+        // By ascending distance, so that two people returning together are not exchanged.
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut given = vec![false; tracks.len()];
         for (_, n, id) in pairs {
@@ -102,13 +103,13 @@ impl Lost {
         })
     }
 
-    /// Whether a track is of a thing that stands where this one was: it has been still all the time, as far as that was known.
+    /// Whether a track is a thing at this object's position: it has probably been static in between.
     fn is_where(&self, track: &Track) -> bool {
         let thing = liveliness(self.class) < 1.0;
         matches!(&track.body, Body::Spatial(s) if thing && (s.position() - self.position).norm() <= SAME_DEPTH)
     }
 
-    /// How far a track is from being this object, m; `None` when it is not. Time counts as distance: of two it is the one that was seen last.
+    /// Distance of a track from this object, m, plus a penalty for time; `None` if it cannot be the object.
     fn distance(&self, track: &Track) -> Option<f64> {
         let Body::Spatial(s) = &track.body else {
             return None;
@@ -116,7 +117,7 @@ impl Lost {
         let position = s.position();
         let gap = track.born - self.last_seen;
         let reach = NEAR + WALK * gap.clamp(0.0, 1.0);
-        // Where it was, or where it was going: people stop and turn round as often as not.
+        // Old or extrapolated position: people stop and turn round as often as not.
         let ahead = self.position + self.velocity * gap.clamp(0.0, 1.0);
         let d = (position - self.position)
             .norm()

@@ -1,4 +1,4 @@
-//! What a detection says about an object: the free sides of its box, and the surfaces in it.
+//! Measurements of a detection: the free sides of its box, and the surfaces in it.
 
 use super::depth::{DepthMode, modes};
 use super::kalman::{Row, Vec8};
@@ -7,40 +7,39 @@ use crate::Detection;
 use stillpoint_geometry::Vec2;
 use stillpoint_imaging::CoarseDepth;
 
-/// A detection in the terms of the filters.
 #[derive(Clone, Debug)]
 pub(super) struct Measurement {
     pub(super) detection: Detection,
     /// Sides of the box, undistorted px.
     pub(super) sides: Sides,
-    /// Which sides are at the border of the image, or end in somebody who stands before the object: it goes on beyond them.
+    /// Sides at the image border, or where a person in front hides the object: it extends beyond them.
     pub(super) cut: [bool; 4],
-    /// Whether any side is at the border of the image.
+    /// Whether any side is at the image border.
     pub(super) at_border: bool,
-    /// Surfaces in the box, nearest first.
     pub(super) modes: Vec<DepthMode>,
-    /// Through the middle of the surface that is the object's, where all of its width is seen.
+    /// Through the middle of the object's own surface, if its whole width is visible.
     pub(super) middle: Option<Plumb>,
 }
 
-/// A line across the image that hangs down in the world, undistorted px.
+/// The image of a vertical line, undistorted px.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plumb {
-    /// A point on it.
     pub(super) through: Vec2,
-    /// How far it moves to the right per pixel down.
+    /// Shift to the right per pixel down.
     pub(super) lean: f64,
 }
 
-/// A box this near to the border touches it, as a share of the image's width: networks end their boxes some pixels short of it (section 14 of docs/algorithm.md).
+/// Maximum distance from the border of a box that touches it, as a share of the image's width: networks end their boxes
+/// some pixels short of it (section 14 of docs/algorithm.md).
 const BORDER: f64 = 0.01;
-/// Standard deviation of the middle of a person's surface as a share of the box's width: the trunk sways less than arms and legs swing. Measured: 0.05 is no different.
+/// Standard deviation of the middle of a person's surface as a share of the box's width: the trunk sways less than arms
+/// and legs swing. Measured: 0.05 is no different.
 const MIDDLE_SIGMA: f64 = 0.04;
-/// Least standard deviation of a side, px: a pixel of the 416 that a small network sees is 1.5 of 640.
+/// Minimum standard deviation of a side, px: a pixel of the 416 that a small network sees is 1.5 of 640.
 const LEAST_SIGMA: f64 = 1.5;
 
 impl Measurement {
-    /// `None` when the box is not one: not finite, or without area in the image.
+    /// `None` when the box is not finite or has no area in the image.
     pub(super) fn new(view: &View, detection: &Detection, depth: &CoarseDepth) -> Option<Self> {
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         let b = detection.bounds;
@@ -80,7 +79,8 @@ impl Measurement {
         ]
     }
 
-    /// Rows of the sides: those that are free, and those at the border that the prediction puts inside the image, since the object reaches at least there.
+    /// Measurement rows of the free sides, and of sides at the border that are predicted inside the image, since the
+    /// object extends at least to the border.
     pub(super) fn side_rows(
         &self,
         predicted: &Sides,
@@ -167,9 +167,7 @@ mod tests {
         );
         let cut = measure([-5.0, 100.0, 200.0, 478.0]).unwrap();
         assert_eq!(cut.cut, [true, false, false, true]);
-        // Expected beyond the border: the border says nothing.
         assert_eq!(rows(&cut, [-60.0, 100.0, 200.0, 600.0]), [0.0, 0.0]);
-        // Expected inside the image: it must reach the border.
         let pulled = rows(&cut, [20.5, 100.0, 200.0, 400.0]);
         assert_eq!(pulled, [-21.0, 0.0, 0.0, 78.0]);
     }

@@ -1,8 +1,9 @@
-//! Objects: what a detector sees, followed through time.
+//! Tracking of detected objects.
 //!
-//! Answers: where every object is in the image of any pose and stamp, how it moves, and whether it has been standing still. Bridges what the detector
-//! misses or answers late. Does not decide which features are rejected. One module each for the filter with depth (`spatial`), the one without (`planar`),
-//! what a detection measures (`measurement`, `depth`), the assignment (`associate`, `expected`, `fit`, `occlusion`, `profile`), the life of an object (`track`, `tracker`, `sight`, `duplicates`, `lost`).
+//! Predicts position and motion of every object for any pose and stamp, bridges missed and late detections, and decides
+//! whether an object is static. The decision on rejected features is elsewhere. Modules: filters with depth (`spatial`)
+//! and without (`planar`), measurements (`measurement`, `depth`), assignment (`associate`, `expected`, `fit`,
+//! `occlusion`, `profile`), life cycle (`track`, `tracker`, `sight`, `duplicates`, `lost`).
 
 mod associate;
 mod common;
@@ -36,44 +37,45 @@ pub use tracker::{MOST_DETECTIONS, ObjectTracker};
 use crate::{BoundingBox, ClassId};
 use stillpoint_geometry::{Mat6, Se3, Vec3};
 
-/// Number of an object; never used again.
+/// Number of an object, never reused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ObjectId(pub u32);
 
-/// How sure it is that an object is there.
+/// Certainty of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObjectState {
-    /// Seen too little to be sure, or just found more than a step from where it was taken to be: may be a false alarm, masks all the same.
+    /// Detected too rarely, or just found more than a step from its predicted position: may be a false alarm, but is
+    /// masked.
     Tentative,
-    /// Seen at least three times, and in the newest detections.
+    /// Detected at least three times, and in the newest detections.
     Confirmed,
-    /// Seen at least three times, but not in the newest detections.
+    /// Detected at least three times, but not in the newest detections.
     Coasting,
-    /// Seen at least three times, but not in the newest detections; and what their frame shows in its place is something else, mostly nearer, or its place is
-    /// mostly outside the image.
+    /// Detected at least three times, but not in the newest detections; and their frame shows something else at its
+    /// position, mostly nearer, or its position is mostly outside the image.
     Hidden,
 }
 
 /// An object at a stamp, seen from a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Object {
-    /// Which one.
+    /// Id.
     pub id: ObjectId,
-    /// What it is.
+    /// Class.
     pub class: ClassId,
     /// Score of its last detection, 0 to 1.
     pub score: f32,
-    /// How sure it is.
+    /// Certainty.
     pub state: ObjectState,
-    /// Where it is expected in the raw image, px, cut to the image; without area when it is outside the view.
+    /// Predicted box in the raw image, px, clipped to the image; empty when outside the view.
     pub bounds: BoundingBox,
-    /// Standard deviation of the box's vertical and of its horizontal sides, px: how far the object may reach beyond the box. Zero behind the camera.
+    /// Standard deviation of the box's vertical and horizontal sides, px. Zero behind the camera.
     pub bounds_sigma: [f64; 2],
     /// Nearest and farthest depth (camera z, m) of its surface, widened by the standard deviation of its predicted depth; `None` without depth or
     /// behind the camera.
     pub depth_range: Option<[f64; 2]>,
-    /// Middle of its visible surface in the world, m; `None` while no depth of it was seen. While the object is more than tentative it moves no faster than a run
-    /// from one update to the next.
+    /// Middle of its visible surface in the world, m; `None` while it has no depth. Unless tentative, it moves no
+    /// faster than a run between updates.
     pub position: Option<Vec3>,
     /// Velocity in the world, m/s; `None` with the position.
     pub velocity: Option<Vec3>,
@@ -83,24 +85,24 @@ pub struct Object {
     pub size: Option<[f64; 2]>,
     /// Stamp of its last detection, s.
     pub last_seen: f64,
-    /// Whether it moves.
+    /// Motion state.
     pub motion: Motion,
 }
 
-/// Where an object is and how it moves, seen from a camera.
+/// Position and motion of an object, relative to a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjectInCamera {
     /// Middle of its visible surface in camera coordinates, m.
     pub position: Vec3,
-    /// Its velocity in the world, in the axes of the camera, m/s: that of the camera is not taken off.
+    /// Its velocity in the world, in the axes of the camera, m/s; the camera's velocity is not subtracted.
     pub velocity: Vec3,
-    /// Covariance of position and velocity (m^2, m^2/s, m^2/s^2), in this order, in the axes of the camera. That of the camera's pose is
-    /// not in it.
+    /// Covariance of position and velocity (m^2, m^2/s, m^2/s^2), in this order, in the axes of the camera, without the
+    /// uncertainty of the camera's pose.
     pub covariance: Mat6,
 }
 
 impl Object {
-    /// The object seen from a camera with this pose in the world; `None` while no depth of the object was seen.
+    /// The object relative to a camera with this pose in the world; `None` while it has no depth.
     #[must_use]
     pub fn seen_from(&self, world_from_camera: &Se3) -> Option<ObjectInCamera> {
         let (position, velocity) = (self.position?, self.velocity?);

@@ -1,4 +1,4 @@
-//! Objects that hide each other: whose surface it is that a box shows.
+//! Occlusion between objects: attribution of the surfaces in a box.
 
 use super::ObjectId;
 use super::common::{HALF, MUCH, PART};
@@ -14,19 +14,17 @@ use crate::BoundingBox;
 use stillpoint_geometry::Vec2;
 use stillpoint_imaging::CoarseDepth;
 
-/// Share of a box that a person mostly shows of himself, however many stand before him. Measured: 0.05 is alike.
+/// Minimum visible share of a person in the person's own box, regardless of occluders. Measured: 0.05 is alike.
 const SHOWN: f64 = 0.1;
-/// Part of a box from above in which a person's middle is measured, a share: legs swing (section 14 of docs/algorithm.md).
+/// Upper part of a box in which a person's middle is measured, a share: legs swing (section 14 of docs/algorithm.md).
 const TRUNK: f64 = 0.6;
 
-/// A confirmed object before an update.
 #[derive(Clone, Copy, Debug)]
 struct Occupant {
     id: ObjectId,
     bounds: BoundingBox,
     /// Depth and its standard deviation, m.
     z: [f64; 2],
-    /// Whether it is sure to be an object.
     reported: bool,
 }
 
@@ -40,14 +38,13 @@ impl Occupant {
         })
     }
 
-    /// Where its surface may be, m.
+    /// Depth range of its surface, m.
     fn range(&self) -> [f64; 2] {
         let [z, sigma] = self.z;
         let reach = SAME_DEPTH + sigma.min(SAME_DEPTH);
         [z - reach, z + reach]
     }
 
-    /// Whether a good part of a box is where it is expected.
     fn covers(&self, b: &BoundingBox) -> bool {
         let (x, y) = (
             [self.bounds.x0, self.bounds.x1],
@@ -73,13 +70,11 @@ impl Occupant {
         }
     }
 
-    /// Whether it stands before what is at a depth.
     fn before(&self, z: f64) -> bool {
         self.z[0] < z - SAME_DEPTH
     }
 }
 
-/// Where the confirmed objects are expected.
 #[derive(Clone, Debug)]
 pub(super) struct Occlusion(Vec<Occupant>);
 
@@ -89,7 +84,7 @@ impl Occlusion {
         Self(confirmed.filter_map(|(t, e)| Occupant::of(t, e)).collect())
     }
 
-    /// What a detection's box shows, and those whose boxes meet it: no others hide anything of it.
+    /// Content of a detection's box, and objects with overlapping boxes, the only possible occluders.
     pub(super) fn around(&self, m: &Measurement, depth: &CoarseDepth) -> Shown {
         let b = &m.detection.bounds;
         let meets = |o: &&Occupant| {
@@ -106,17 +101,17 @@ impl Occlusion {
     }
 }
 
-/// What the box of a detection shows.
 #[derive(Clone, Debug)]
 pub(super) struct Shown {
-    /// Confirmed objects that are expected there.
+    /// Confirmed objects predicted there.
     occupants: Vec<Occupant>,
-    /// Of a person's box that more than one of them may be in.
+    /// For a person's box that may contain several of them.
     profile: Option<Profile>,
 }
 
 impl Shown {
-    /// What the depths in the box and beside it say against its being of this track: a box shows the one that it is of, and to where he ends.
+    /// Evidence of the depths in the box and beside it against this track: a box shows its own object, and ends where
+    /// the object ends.
     pub(super) fn doubt(&self, track: &Track, expected: &Expected) -> f64 {
         let (Some(profile), Some(own)) = (&self.profile, Occupant::of(track, expected)) else {
             return 0.0;
@@ -126,8 +121,8 @@ impl Shown {
         missing + goes_on
     }
 
-    /// The plumb line through the middle of what a detection shows of a person; `None` where not all of the width is seen. A box's sides are where the arms are, the middle of the
-    /// surface is where the trunk is.
+    /// The vertical line through the middle of a person's visible surface; `None` unless the whole width is visible.
+    /// The sides of a box follow the arms, the middle of the surface follows the trunk.
     pub(super) fn middle(
         track: &Track,
         expected: &Expected,
@@ -151,7 +146,7 @@ impl Shown {
         Some(Plumb { through, lean })
     }
 
-    /// The detection as one of this track: without the surfaces of others who stand before it, and with the sides that they cut.
+    /// The detection as a measurement of this track: without surfaces of occluders, and with sides cut by them.
     pub(super) fn seen_of(
         &self,
         track: &Track,
@@ -168,8 +163,9 @@ impl Shown {
         }
     }
 
-    /// The detection as one of somebody new: without its nearest surfaces where they are those of reported objects that cover a part of it, and not seen in the rest. A box
-    /// of somebody who comes out from behind another shows the other, too; of a second box of somebody who is reported there is hardly a rest.
+    /// The detection as a measurement of a new object: without its nearest surfaces if they belong to reported objects
+    /// that cover a part of it, and are not visible in the rest. The box of a person emerging from behind another also
+    /// shows the other; a second box of a reported person leaves hardly any rest.
     pub(super) fn seen_of_new(&self, m: &Measurement, depth: &CoarseDepth) -> Measurement {
         let b = &m.detection.bounds;
         let covering = |o: &&Occupant| o.reported && o.covers(b);
@@ -201,8 +197,8 @@ impl Shown {
         }
     }
 
-    /// Which sides of a detection are not those of the thing: what is at the border of the image goes on beyond it, and so does what ends in the box of somebody who
-    /// stands before it.
+    /// Sides of a detection beyond which the object extends: those at the image border, and those inside the box of an
+    /// occluder.
     fn cuts(&self, track: &Track, expected: &Expected, m: &Measurement) -> [bool; 4] {
         let mut cut = m.cut;
         let Some(own) = expected.depth() else {
@@ -222,9 +218,9 @@ impl Shown {
         cut
     }
 
-    /// The surfaces in a detection's box that may be those of an object: without the ones of others that stand before it. None may be left, when
-    /// others cover the middle of the box: then the detection says nothing about depth, rather than something wrong. A surface between two is that of the one
-    /// who is nearer to it in depth. What shows of a person beside them counts, however little.
+    /// The surfaces in a detection's box that may belong to the track: without those of occluders. None may be left,
+    /// when others cover the middle of the box: then depth is not measured. A surface between two objects belongs to
+    /// the nearer one in depth. Visible parts of a person beside them count, even if small.
     fn surfaces(&self, track: &Track, expected: &Expected, m: &Measurement) -> Vec<DepthMode> {
         let Some(own) = Occupant::of(track, expected) else {
             return m.modes.clone();
@@ -254,7 +250,7 @@ impl Shown {
     }
 }
 
-/// Share of a range that another covers.
+/// Share of a range covered by another.
 fn covered([from, to]: [f64; 2], [start, end]: [f64; 2]) -> f64 {
     (to.min(end) - from.max(start)).max(0.0) / (to - from).max(1.0)
 }
@@ -281,7 +277,7 @@ mod tests {
         )
     }
 
-    /// Depths of the surfaces that a box with one surface has left for somebody 2.5 m away, while another stands 1 m away before him.
+    /// Surfaces attributed to a person 2.5 m away, in a box of one surface with another person 1 m away in front.
     fn left_for_the_farther(surface: f64) -> Vec<f64> {
         let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
         let view = View::ahead(&camera);
@@ -303,7 +299,8 @@ mod tests {
         modes.iter().map(|m| m.depth).collect()
     }
 
-    /// Backs and outstretched arms are farther from a track's depth than a body is thick: they are not what is taken for one who is far behind.
+    /// Backs and outstretched arms are farther from a track's depth than a body is thick: they must not be attributed
+    /// to a person far behind.
     #[test]
     fn a_surface_between_two_is_that_of_the_nearer() {
         for theirs in [1.0, 1.2, 1.45, 1.7] {

@@ -1,19 +1,18 @@
-//! The position of an object that is reported. It follows that of the filter's state, and moves no faster than anything indoors.
+//! Reported position of an object: follows the filter's state with limited speed.
 
 use super::lost::NEAR;
 use super::spatial::FASTEST;
 use stillpoint_geometry::Vec3;
 
-/// Where an object is reported to be.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Place {
-    /// The position at the last update, m, and its stamp, s; none while no depth of the object was seen.
+    /// Position at the last update, m, and its stamp, s; `None` while it has no depth.
     last: Option<(Vec3, f64)>,
-    /// How far the state's position is beyond it, m.
+    /// Offset of the state's position from it, m.
     lag: Vec3,
-    /// Whether the last update moved it no farther than a step.
+    /// Whether the last update moved it by at most a step.
     steady: bool,
-    /// Whether the next position is taken as it is, wherever the last one was.
+    /// Whether the next position is accepted at any distance.
     anew: bool,
 }
 
@@ -29,8 +28,8 @@ impl Default for Place {
 }
 
 impl Place {
-    /// Follows the state's position `at` to the time `stamp`. One that is farther off than a step is that of another surface, or of another track: the object is
-    /// not steady in this update.
+    /// Follows the state's position `at` to the time `stamp`. A larger jump than a step indicates another surface or
+    /// track: the object is unsteady in this update.
     pub(super) fn follow(&mut self, at: Option<Vec3>, stamp: f64) {
         let anew = std::mem::take(&mut self.anew);
         self.steady = !anew;
@@ -51,7 +50,7 @@ impl Place {
         self.last = Some((at - self.lag, stamp));
     }
 
-    /// The object continues one that was out of sight, and its path to this place was not seen.
+    /// The object was re-identified, and its path to this position is unknown.
     pub(super) fn begin_anew(&mut self) {
         self.anew = true;
     }
@@ -60,7 +59,6 @@ impl Place {
         self.steady
     }
 
-    /// See [`Self::follow`], m.
     pub(super) fn lag(&self) -> Vec3 {
         self.lag
     }
@@ -78,7 +76,7 @@ mod tests {
     /// Time between frames at 30 Hz, s.
     const FRAME: f64 = 1.0 / 30.0;
 
-    /// Where it is reported, frame by frame, and whether it is steady, as the state's position along x changes.
+    /// Reported positions and steadiness, frame by frame, for a sequence of state positions along x.
     fn reported(states: &[f64], place: &mut Place) -> Vec<(f64, bool)> {
         let follow = |(n, x): (usize, &f64)| {
             place.follow(Some(Vec3::new(*x, 0.0, 0.0)), n as f64 * FRAME);
@@ -113,7 +111,7 @@ mod tests {
         let found = reported(&[0.0, 0.0, 2.0, 2.0], &mut place);
         let steady: Vec<bool> = found.iter().map(|(_, steady)| *steady).collect();
         assert_eq!(steady, [true, true, false, true]);
-        // The control: what comes back after it was out of sight does not move there.
+        // Control: re-identification is not motion.
         place.begin_anew();
         place.follow(Some(Vec3::new(9.0, 0.0, 0.0)), 1.0);
         assert!(!place.is_steady() && place.lag() == Vec3::zeros());

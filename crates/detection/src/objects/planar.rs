@@ -1,23 +1,21 @@
-//! The filter of an object without depth: its box and how the box changes.
+//! Filter of an object without depth: its box and the changes of the box.
 //!
-//! State: centre (undistorted px), logarithms of width and height (px), and the rates of the four. The centre is that of the camera at the state's time;
-//! another camera sees it turned with the camera, which is all that can be said of a point without depth.
+//! State: centre (undistorted px), logarithms of width and height (px), and the rates of the four. The centre refers to
+//! the camera at the state's time; for another camera it is rotated, since depth is unknown.
 
 use super::kalman::{Drive, Gaussian, Mat8, Row, Vec8};
 use super::measurement::Measurement;
 use super::view::{NEAREST, Sides, View};
 use stillpoint_geometry::{Mat3, Vec2};
 
-/// The filter.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Planar {
     pub(super) state: Gaussian,
-    /// Rotation of `world_from_camera` of the camera that the centre belongs to.
+    /// Rotation of `world_from_camera` of the centre's camera.
     rotation: Mat3,
 }
 
 impl Planar {
-    /// From one detection.
     pub(super) fn new(view: &View, m: &Measurement, share: f64) -> Self {
         let [w, h] = m.size();
         let mut mean = Vec8::zeros();
@@ -47,10 +45,10 @@ impl Planar {
         filter
     }
 
-    /// The state `dt` seconds later, still as the old camera would see it.
+    /// Predicts the state `dt` seconds later, in the old camera.
     pub(super) fn propagate(&mut self, dt: f64, acceleration: f64) {
         let extent = libm::exp(self.state.mean[2].max(self.state.mean[3]));
-        // As of something that is a metre high.
+        // For an object a metre high.
         let pixels = acceleration * extent;
         let drive = |value, density| Drive {
             value,
@@ -67,7 +65,6 @@ impl Planar {
         self.state.propagate(dt, &drives);
     }
 
-    /// The centre as this camera sees it; `None` behind it.
     fn centre(&self, view: &View) -> Option<Vec2> {
         let ray = view
             .camera
@@ -76,7 +73,7 @@ impl Planar {
         (turned.z > NEAREST).then(|| view.camera.project(&turned))
     }
 
-    /// Makes the state that of this camera. Pixels turn with the image: small rolls are left to the noise.
+    /// Transforms the state to this camera. Small rolls are covered by the noise.
     pub(super) fn rebase(&mut self, view: &View) {
         if let Some(centre) = self.centre(view) {
             self.state.mean[0] = centre.x;
@@ -85,10 +82,10 @@ impl Planar {
         }
     }
 
-    /// The sides as this camera sees them, with their derivatives by the rebased state; `None` behind the camera.
+    /// The sides in this camera, with their derivatives by the rebased state; `None` behind the camera.
     pub(super) fn project(&self, view: &View) -> Option<(Sides, [Vec8; 4])> {
         let centre = self.centre(view)?;
-        // A size that has run away is not worth an infinity.
+        // Avoids infinity when the size diverges.
         let [w, h] = [2, 3].map(|i| libm::exp(self.state.mean[i].min(20.0)));
         let row = |axis: usize, half: f64| {
             let mut row = Vec8::zeros();
@@ -111,7 +108,6 @@ impl Planar {
         Some((sides, jacobians))
     }
 
-    /// All that a detection measures.
     pub(super) fn rows(&self, view: &View, m: &Measurement, share: f64) -> Vec<Row> {
         self.project(view)
             .map(|(sides, jacobians)| m.side_rows(&sides, &jacobians, share))
@@ -214,7 +210,6 @@ mod tests {
             let (sides, _) = f.project(&turned).unwrap();
             assert!(((sides[0] + sides[2]) / 2.0 - expected.x).abs() < 1e-9);
             assert!(((sides[1] + sides[3]) / 2.0 - expected.y).abs() < 1e-9);
-            // The same from the rebased state.
             f.rebase(&turned);
         }
         assert!(f.project(&view(3.0)).is_none());

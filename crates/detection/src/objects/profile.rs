@@ -1,11 +1,11 @@
-//! How much of a box lies at which depth: whose surface it shows, however small a part of it.
+//! Depth distribution in a box and beside it, to attribute small visible parts.
 
 use super::common::{MUCH, PART};
 use super::depth::{DepthMode, MOST_CELLS};
 use crate::BoundingBox;
 use stillpoint_imaging::CoarseDepth;
 
-/// Fewer cells with depth say nothing, a number: the standard deviation of a share of eight is 18 %.
+/// Minimum number of cells with depth: the standard deviation of a share of eight is 18 %.
 pub(super) const LEAST_CELLS: usize = 8;
 
 /// Depths of cells in ascending order, m.
@@ -18,7 +18,6 @@ impl Depths {
         Self(depths)
     }
 
-    /// Those between two depths.
     fn between(&self, [near, far]: [f64; 2]) -> &[f64] {
         let at = |z: f64| self.0.partition_point(|d| *d < z);
         let (from, to) = (at(near), at(far));
@@ -26,11 +25,10 @@ impl Depths {
     }
 }
 
-/// Depths in a box and beside it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Profile {
     inside: Depths,
-    /// Left and right of it, and above.
+    /// Left, right and above.
     beside: Depths,
 }
 
@@ -41,7 +39,7 @@ impl Profile {
             x0: b.x0 - w,
             y0: b.y0 - h,
             x1: b.x1 + w,
-            // What is at the feet stands on the same floor.
+            // Below are the feet and the floor at the same depth.
             y1: b.y1,
         };
         let (mut inside, mut beside) = (Vec::new(), Vec::new());
@@ -58,19 +56,19 @@ impl Profile {
         }
     }
 
-    /// Share of the cells with depth that lie between two depths, 0 to 1.
+    /// Share of the cells with depth within a depth range, 0 to 1.
     pub(super) fn share(&self, range: [f64; 2]) -> f64 {
         self.inside.between(range).len() as f64 / self.inside.0.len().max(1) as f64
     }
 
-    /// What lies between two depths: which share of it lies beside the box, 0 to 1.
+    /// Share of the cells within a depth range that lie beside the box, 0 to 1.
     pub(super) fn goes_on(&self, range: [f64; 2]) -> f64 {
         let count = |depths: &Depths| depths.between(range).len();
         let (inside, beside) = (count(&self.inside), count(&self.beside));
         beside as f64 / (inside + beside).max(1) as f64
     }
 
-    /// The surface between two depths; `None` where fewer cells lie than `least`, as a share of all.
+    /// The surface within a depth range; `None` if its share of cells is below `least`.
     pub(super) fn surface(&self, range: [f64; 2], least: f64) -> Option<DepthMode> {
         let share = self.share(range);
         let own = self.inside.between(range);
@@ -83,8 +81,9 @@ impl Profile {
     }
 }
 
-/// Middle across the image of the cells of a box between two depths, raw px in a row: the median column of plumb lines through them that move right by `lean` for each
-/// pixel down. `None` where there are too few of them, or where most of the box is something else: then what is at that depth may be another thing before or behind it.
+/// Middle, across the image, of a box's cells within a depth range, raw px in a row: the median column of vertical
+/// lines through them that shift right by `lean` per pixel down. `None` if there are too few, or if most of the box is
+/// at other depths: then the cells may belong to another object.
 pub(super) fn middle_column(
     depth: &CoarseDepth,
     bounds: &BoundingBox,
@@ -104,7 +103,7 @@ pub(super) fn middle_column(
     enough.then(|| (found[found.len() / 2] + found[(found.len() - 1) / 2]) / 2.0)
 }
 
-/// Place (px) and depth of the cells whose middle is in a box.
+/// Position (px) and depth of the cells centred in a box.
 fn for_cells(depth: &CoarseDepth, b: &BoundingBox, mut take: impl FnMut([f64; 2], f64)) {
     let cell = depth.cell().max(1) as f64;
     let range = |from: f64, to: f64, end: usize| {
@@ -136,7 +135,8 @@ mod tests {
         y1: 240.0,
     };
 
-    /// Depths of a body at 2 m, 80 px wide, whose middle is at a column in row 140 and moves right by `lean` per pixel down; a wall at 4 m.
+    /// A body at 2 m, 80 px wide, whose middle is at `column` in row 140 and shifts right by `lean` per pixel down; a
+    /// wall at 4 m.
     fn body(column: f64, lean: f64) -> CoarseDepth {
         let pixel = |i: usize| {
             let (u, v) = ((i % 320) as f64, (i / 320) as f64);
@@ -189,7 +189,6 @@ mod tests {
             "{near} {far}"
         );
         assert!(profile.share([0.5, 1.5]).abs() < 1e-9);
-        // The body goes on above the box, and is not beside it.
         assert!(
             profile.goes_on([1.75, 2.25]) < 0.3,
             "{}",

@@ -1,34 +1,33 @@
-//! Whether an object stands still, judged over time with hysteresis.
+//! Decides over time, with hysteresis, whether an object is static.
 
 use super::common::STEP;
 use serde::{Deserialize, Serialize};
 
-/// What is known about an object's motion.
+/// Motion state of an object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Motion {
-    /// Not enough was measured.
+    /// Too few measurements.
     #[default]
     Unknown,
-    /// It moves, or stood still for a short time only.
+    /// It moves, or has been static for a short time only.
     Moving,
-    /// It has stood still for [`crate::ObjectsConfig::parked_seconds`].
+    /// It has been static for [`crate::ObjectsConfig::parked_seconds`].
     Parked,
 }
 
-/// Evidence about one object.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Rigidity {
     motion: Motion,
-    /// Smoothed share of agreeing features, and the stamp of the last one, s.
+    /// Smoothed share of agreeing features, with its stamp, s.
     share: Option<(f64, f64)>,
-    /// Since when the share has been high, s.
+    /// Start of the present high share, s.
     still_since: Option<f64>,
 }
 
-/// Fewer tested features say nothing, a number: the standard deviation of a share of five is 22 %.
+/// Minimum number of tested features: the standard deviation of a share of five is 22 %.
 const LEAST_TESTED: u32 = 5;
-/// Below this smoothed share of features that stand still an object moves (section 14 of docs/algorithm.md).
+/// Smoothed share of static features below which an object moves (section 14 of docs/algorithm.md).
 const MOVING: f64 = 0.6;
 
 impl Rigidity {
@@ -36,7 +35,7 @@ impl Rigidity {
         self.motion
     }
 
-    /// Takes in one frame's count. Older stamps than the last, and too few features, are left out.
+    /// Adds the count of one frame. Ignores old stamps and too few features.
     pub(super) fn observe(
         &mut self,
         stamp: f64,
@@ -59,7 +58,7 @@ impl Rigidity {
         } else if self.still_since.is_none() {
             self.still_since = Some(stamp);
         }
-        // What swings is averaged over a step, but a mover must not pass for static for long.
+        // Swinging parts are averaged over a step, but a moving object must be detected quickly.
         let broken = now < MOVING / 2.0 && tested >= 2 * LEAST_TESTED;
         if share < MOVING || broken {
             self.motion = Motion::Moving;
@@ -98,7 +97,6 @@ mod tests {
         assert_eq!(run(&mut r, 3.1, 2, [12, 20]), Motion::Parked);
         assert_eq!(run(&mut r, 3.2, 20, [20, 20]), Motion::Parked);
         assert_eq!(run(&mut r, 4.0, 1, [2, 20]), Motion::Moving);
-        // Standing still again takes the whole time again.
         assert_eq!(run(&mut r, 4.1, 45, [20, 20]), Motion::Moving);
         assert_eq!(run(&mut r, 5.7, 60, [20, 20]), Motion::Parked);
     }

@@ -1,4 +1,4 @@
-//! Whether an object that was not detected is hidden, gone, or only missed.
+//! Decides whether an undetected object is hidden, gone, or only missed.
 
 use super::common::{HALF, PART};
 use super::duplicates::SAME_DEPTH;
@@ -8,12 +8,13 @@ use super::view::View;
 use crate::BoundingBox;
 use stillpoint_imaging::CoarseDepth;
 
-/// How long an object is followed behind others, s: the time that two people need to pass (section 14 of docs/algorithm.md). After that it is looked for where it went in.
+/// Maximum time for which an object is tracked behind others, s: the time that two people need to pass (section 14 of
+/// docs/algorithm.md). Afterwards it is expected where it disappeared.
 const HIDDEN_SECONDS: f64 = 1.0;
 
 impl Track {
-    /// What the depth image says of an object that was not detected: absent where its place is seen and something else is there. Of a place with little depth
-    /// nothing is known.
+    /// Evaluates the depth image for an undetected object: absent if its position is visible and shows something else.
+    /// Positions with little depth are undecided.
     pub(super) fn look(&mut self, view: &View, depth: &CoarseDepth) {
         let seen = match &self.body {
             Body::Spatial(s) => s.project(view).and_then(|p| {
@@ -40,13 +41,14 @@ impl Track {
         self.shows = seen.is_some_and(|[_, own, _]| own >= HALF);
     }
 
-    /// Whether it is out of sight: hidden, or gone from where it was.
+    /// Whether it is out of sight: hidden, or gone from its position.
     pub(super) fn out_of_sight(&self, stamp: f64) -> bool {
         self.hidden && stamp - self.last_seen > HIDDEN_SECONDS
     }
 }
 
-/// Shares of the cells with depth, in the middle of a box, that lie before, in and behind a range of depth (m); `None` where few have one.
+/// Shares of the cells with depth, in the middle of a box, before, in and behind a depth range (m); `None` if there are
+/// few.
 fn support(depth: &CoarseDepth, bounds: &BoundingBox, [near, far]: [f64; 2]) -> Option<[f64; 3]> {
     let found = super::depth::central_depths(depth, bounds);
     let share = |test: &dyn Fn(f64) -> bool| {

@@ -1,7 +1,8 @@
-//! The filter of an object with depth: position and velocity in the world, and size.
+//! Filter of an object with depth: position and velocity in the world, and size.
 //!
-//! State: position (m), velocity (m/s), logarithms of width and height (m). The position is the middle of the surface that the camera sees. The object is
-//! an ellipse that faces the camera, its long axis along the world's vertical: a rolling camera widens its box without widening the object.
+//! State: position (m), velocity (m/s), logarithms of width and height (m). The position is the middle of the visible
+//! surface. The object is an ellipse that faces the camera, its long axis along the world's vertical: a rolling camera
+//! widens its box without widening the object.
 
 use super::depth::DepthMode;
 use super::fit::CHI2_99;
@@ -10,11 +11,9 @@ use super::measurement::Measurement;
 use super::view::{NEAREST, Sides, View};
 use stillpoint_geometry::{Mat6, Vec2, Vec3};
 
-/// Where an object of this kind is expected in an image.
 #[derive(Clone, Debug)]
 pub(super) struct Projection {
     pub(super) sides: Sides,
-    /// Derivatives of the sides by the state.
     pub(super) jacobians: [Vec8; 4],
     /// Depth, m.
     pub(super) z: f64,
@@ -22,32 +21,34 @@ pub(super) struct Projection {
     pub(super) z_jacobian: Vec8,
 }
 
-/// The filter.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Spatial {
     pub(super) state: Gaussian,
 }
 
-/// Standard deviation of the first velocity, m/s: adults walk at 1.3 to 1.5 m/s (Bohannon, "Comfortable and maximum walking speed", Age and Ageing 1997), either way, or stand.
+/// Standard deviation of the initial velocity, m/s: adults walk at 1.3 to 1.5 m/s (Bohannon, "Comfortable and maximum
+/// walking speed", Age and Ageing 1997), either way, or stand.
 pub(super) const WALK: f64 = 1.0;
-/// Standard deviation of the speed along the vertical, m/s: people and things indoors move over the floor. Measured: with 1 m/s IDF1 and MOTA of simulated people are 0.01 less.
+/// Standard deviation of the vertical speed, m/s: people and things indoors move over the floor. Measured: with 1 m/s
+/// IDF1 and MOTA of simulated people are 0.01 less.
 const VERTICAL_SPEED: f64 = 0.3;
-/// Indoors nothing that a detector finds is faster, m/s: a run. A faster velocity comes from a surface that was taken for another; it is brought back to
-/// this with all that depends on it (Simon, "Kalman filtering with state constraints", 2010).
+/// Maximum speed of a detected object indoors, m/s: a run. A higher velocity comes from another surface; it is reduced
+/// to this with all correlated states (Simon, "Kalman filtering with state constraints", 2010).
 pub(super) const FASTEST: f64 = 2.4;
-/// A thing whose velocity is not told from zero is taken to stand still, to this standard deviation, m/s.
+/// Standard deviation of the zero-velocity measurement of a thing whose velocity is insignificant, m/s.
 const REST_SPEED: f64 = 0.1;
-/// Share of the velocity that is lost per second: with white noise of acceleration of 1 m/s^2 the spread of speeds, sqrt(1/(2*0.5)), stays at 1 m/s,
-/// and most of a velocity outlasts a second without detections.
+/// Share of the velocity that is lost per second: with white noise of acceleration of 1 m/s^2 the spread of speeds,
+/// sqrt(1/(2*0.5)), stays at 1 m/s, and most of a velocity outlasts a second without detections.
 const DECAY: f64 = 0.5;
-/// What the logarithm of a size changes by in a second, standard deviation: arms that stretch, a person who sits down. Measured: 0.4 has more ghosts of simulated people.
+/// Change of the logarithm of a size per second, standard deviation: arms that stretch, a person who sits down.
+/// Measured: 0.4 has more ghosts of simulated people.
 const RESHAPE: f64 = 0.3;
 /// Linearisations per update, a number (iterated filter: Bar-Shalom, Li, Kirubarajan 2001, section 10.5.2).
 const ROUNDS: usize = 3;
-/// Logarithms of sizes in m, of 2 cm and 20 m, chosen: no thing that a detector finds is smaller or larger.
+/// Range of logarithms of sizes in m, of 2 cm and 20 m, chosen: detected objects are neither smaller nor larger.
 const LOG_SIZES: [f64; 2] = [-3.9, 3.0];
 impl Spatial {
-    /// From one detection and the surface that is taken for the object. What the sides leave open stays uncertain: the prior is wide.
+    /// From one detection and the surface taken as the object. The prior is wide, for sides that are not measured.
     pub(super) fn new(
         view: &View,
         m: &Measurement,
@@ -87,8 +88,8 @@ impl Spatial {
         filter
     }
 
-    /// The state `dt` seconds later, for objects that accelerate by `acceleration` m/s^2. Their velocity returns to zero in some seconds, so that its spread stays that of
-    /// people who walk.
+    /// Predicts the state `dt` seconds later, for objects that accelerate by `acceleration` m/s^2. The velocity decays
+    /// to zero in some seconds, so that its spread stays that of walking people.
     pub(super) fn propagate(&mut self, dt: f64, acceleration: f64) {
         let moving = |i| Drive {
             value: i,
@@ -106,7 +107,7 @@ impl Spatial {
         self.state.propagate(dt, &drives);
     }
 
-    /// Takes in measurements; `rows` linearises them for a filter with another mean.
+    /// Applies measurements; `rows` linearises them for a filter with another mean.
     pub(super) fn update(&mut self, rows: impl Fn(&Self) -> Vec<Row>) {
         let covariance = self.state.covariance;
         self.state.update_iterated(ROUNDS, |mean| {
@@ -122,7 +123,8 @@ impl Spatial {
         }
     }
 
-    /// Takes the velocity for zero, to [`REST_SPEED`], where it is not told from it or `certain` says so; and its vertical part for small.
+    /// Applies a zero-velocity measurement of [`REST_SPEED`] if the velocity is insignificant or `certain` is set, and
+    /// one of the vertical speed.
     pub(super) fn settle(&mut self, down: &Vec3, may_rest: bool, certain: bool) {
         let mut rows = vec![self.speed_row(down, VERTICAL_SPEED)];
         let velocity = self.velocity();
@@ -143,7 +145,7 @@ impl Spatial {
         }
     }
 
-    /// That the speed along a direction is zero, to a standard deviation.
+    /// Measurement row of zero speed along a direction, with a standard deviation.
     fn speed_row(&self, direction: &Vec3, sigma: f64) -> Row {
         let mut jacobian = Vec8::zeros();
         jacobian.fixed_rows_mut::<3>(3).copy_from(direction);
@@ -162,7 +164,6 @@ impl Spatial {
         self.state.mean.fixed_rows::<3>(3).into_owned()
     }
 
-    /// Covariance of position and velocity.
     pub(super) fn covariance(&self) -> Mat6 {
         self.state.covariance.fixed_view::<6, 6>(0, 0).into_owned()
     }
@@ -172,7 +173,7 @@ impl Spatial {
         [6, 7].map(|i| libm::exp(self.state.mean[i]))
     }
 
-    /// Sides and depth as a camera sees them, with their derivatives; `None` behind the camera.
+    /// Predicted sides and depth in a camera, with their derivatives; `None` behind the camera.
     pub(super) fn project(&self, view: &View) -> Option<Projection> {
         let p = view.camera_point(&self.position());
         if p.z.is_nan() || p.z < NEAREST {
@@ -224,7 +225,8 @@ impl Spatial {
     }
 }
 
-/// Width and height of an upright ellipse whose image has this size in a rolled camera. Near 45 degrees both are alike: then the size seen.
+/// Width and height of an upright ellipse whose image has this size in a rolled camera. Near 45 degrees they cannot be
+/// separated: the image size is returned.
 fn upright([w, h]: [f64; 2], [c2, s2]: [f64; 2]) -> [f64; 2] {
     if (c2 - s2).abs() < 0.3 {
         return [w, h];
@@ -252,7 +254,6 @@ mod tests {
         }
     }
 
-    /// Sides and depth after a change of one number of the state.
     fn shifted(filter: &Spatial, view: &View, i: usize, step: f64) -> [f64; 5] {
         let mut f = filter.clone();
         f.state.mean[i] += step;

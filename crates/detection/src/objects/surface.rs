@@ -1,20 +1,22 @@
-//! What of a detection's depth is an object's own surface, and what it measures.
+//! Selection and measurement of an object's own surface.
 
 use super::depth::DepthMode;
 use super::kalman::Row;
 use super::measurement::Measurement;
 use super::spatial::{Projection, Spatial};
 
-/// Squared Mahalanobis distance of 99.7 % of the depths of the object's own surface. Measured: at 99 % IDF1 of simulated people is 0.04 less.
+/// Squared Mahalanobis distance of 99.7 % of the depths of the object's own surface. Measured: at 99 % IDF1 of
+/// simulated people is 0.04 less.
 const DEPTH_GATE: f64 = 9.0;
 
-/// Standard deviation of the depth of a surface in a box, m: which part of the body it is, and the sensor's noise, which grows with the square.
+/// Standard deviation of the depth of a surface in a box, m: variation over the body, and sensor noise, which grows
+/// with the square.
 fn depth_sigma(z: f64) -> f64 {
     0.1 + 0.003 * z * z
 }
 
 impl Spatial {
-    /// Variance of the depth as this camera sees it, m^2.
+    /// Variance of the predicted depth in this camera, m^2.
     pub(super) fn depth_variance(&self, p: &Projection) -> f64 {
         self.state.variance(&p.z_jacobian)
     }
@@ -28,7 +30,8 @@ impl Spatial {
         }
     }
 
-    /// The surface that is this object's: the nearest one that holds half of the box if the prediction allows it, else the one that fits the prediction best.
+    /// The object's own surface: the nearest one that fills half of the box if consistent with the prediction, else the
+    /// most consistent one.
     pub(super) fn own_mode<'m>(
         &self,
         p: &Projection,
@@ -52,7 +55,6 @@ impl Spatial {
             })
     }
 
-    /// All that a detection measures.
     pub(super) fn rows(
         &self,
         p: &Projection,
@@ -90,13 +92,13 @@ mod tests {
             share,
         };
         let pick = |modes: &[DepthMode]| f.own_mode(&p, modes).map(|m| m.depth);
-        // Somebody in front and the wall behind are not it.
+        // A person in front and the wall behind are rejected.
         assert_eq!(
             pick(&[mode(1.5, 0.5), mode(2.6, 0.3), mode(5.0, 0.2)]),
             Some(2.6)
         );
         assert_eq!(pick(&[mode(1.5, 0.6), mode(5.0, 0.4)]), None);
-        // What holds half of the box is preferred when both are possible.
+        // Of two consistent surfaces the one that fills half of the box wins.
         assert_eq!(pick(&[mode(2.3, 0.6), mode(2.52, 0.4)]), Some(2.3));
         assert_eq!(pick(&[mode(2.3, 0.3), mode(2.52, 0.4)]), Some(2.52));
         assert_eq!(pick(&[]), None);

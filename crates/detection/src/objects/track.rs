@@ -1,4 +1,4 @@
-//! One object: its filter, and how it was seen.
+//! A tracked object: its filter and its detection history.
 
 use super::common::{LOOKS, MUCH, STEP};
 use super::depth::DepthMode;
@@ -17,57 +17,54 @@ use super::{Motion, Object, ObjectId, ObjectState};
 use crate::{BoundingBox, ClassId};
 use stillpoint_geometry::Vec3;
 
-/// The state of an object, by what was measured of it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Body {
     Spatial(Spatial),
     Planar(Planar),
 }
 
-/// One object.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Track {
     pub(super) id: ObjectId,
     pub(super) class: ClassId,
     pub(super) score: f32,
     pub(super) body: Body,
-    /// Of a person, the filter whose middle is that of the surface instead of the box: arms and legs swing, and what others hide moves a box's sides.
+    /// For a person, a filter centred on the surface instead of the box: limbs and occlusion move a box's sides.
     pub(super) trunk: Option<Spatial>,
-    /// How far the surface reaches in front of its median and behind it, m.
+    /// Extent of the surface in front of its median and behind it, m.
     pub(super) reach: [f64; 2],
     pub(super) hits: u32,
-    /// Detections since it began or came back.
+    /// Detections since it began or was re-identified.
     pub(super) fresh: u32,
-    /// What its detections say together.
+    /// Votes of its detections.
     pub(super) votes: Votes,
     /// Stamp of the first detection, s.
     pub(super) born: f64,
-    /// Where it was when it was seen last, m.
+    /// Position at the last detection, m.
     pub(super) seen_at: Option<Vec3>,
-    /// Whether it was looked up among those that were lost.
+    /// Whether re-identification was tried.
     pub(super) known: bool,
-    /// Whether another track goes on with its number.
+    /// Whether another track took over its id.
     pub(super) replaced: bool,
-    /// Updates in a row in which its place was seen and it was not there.
+    /// Consecutive updates in which its position was visible without it.
     pub(super) absent: u32,
     /// Whether the border cut its last detection.
     pub(super) cut: bool,
-    /// Whether its place showed something else when it was not detected last.
+    /// Whether its position showed something else at its last miss.
     pub(super) hidden: bool,
-    /// Whether it was about to leave the image, or had left it, when it was not detected last.
+    /// Whether it was leaving or outside the image at its last miss.
     pub(super) leaves: bool,
     /// Updates without a detection since the last one.
     pub(super) misses: u32,
     /// Stamp of the last detection, s.
     pub(super) last_seen: f64,
-    /// Detections in a row whose depth contradicted the state.
+    /// Consecutive detections whose depth contradicted the state.
     pub(super) contradictions: u32,
-    /// Updates in a row in which it was on the same thing as an elder track.
+    /// Consecutive updates in which it was on the same object as an older track.
     pub(super) duplicate: u32,
     pub(super) rigidity: Rigidity,
-    /// Whether the depth image showed it in its place when it was not detected last.
+    /// Whether the depth image showed it at its position at its last miss.
     pub(super) shows: bool,
-    /// The position that is reported.
     place: Place,
 }
 
@@ -101,12 +98,12 @@ impl Track {
         }
     }
 
-    /// Whether it lives on without detections.
+    /// Whether it is kept without detections.
     pub(super) fn confirmed(&self) -> bool {
         self.hits >= 2
     }
 
-    /// Where the middle of its surface is in the world, m.
+    /// Middle of its surface in the world, m.
     pub(super) fn position(&self) -> Option<Vec3> {
         match &self.body {
             Body::Spatial(s) => Some(self.trunk.as_ref().unwrap_or(s).position()),
@@ -114,12 +111,11 @@ impl Track {
         }
     }
 
-    /// Ends an update: the reported position follows that of the state.
     pub(super) fn end_update(&mut self, stamp: f64) {
         self.place.follow(self.position(), stamp);
     }
 
-    /// Whether it is sure enough to be called an object: false alarms come twice now and then, and with low scores.
+    /// Whether it is certain enough to be reported: false alarms come twice now and then, and with low scores.
     pub(super) fn reported(&self) -> bool {
         self.hits >= LOOKS && self.votes.suffice()
     }
@@ -135,7 +131,6 @@ impl Track {
         }
     }
 
-    /// Where it is expected.
     pub(super) fn expected(&self, view: &View) -> Expected {
         let (state, sides, projection) = match &self.body {
             Body::Spatial(s) => {
@@ -157,7 +152,7 @@ impl Track {
         }
     }
 
-    /// Box in the raw image; without area when it is outside.
+    /// Box in the raw image; empty when outside.
     pub(super) fn bounds(&self, view: &View) -> BoundingBox {
         self.expected(view).bounds
     }
@@ -175,7 +170,6 @@ impl Track {
         [0, 1].map(|axis| variance(axis).max(variance(axis + 2)).max(0.0).sqrt())
     }
 
-    /// Takes in a detection of this object.
     pub(super) fn absorb(&mut self, view: &View, m: &Measurement, stamp: f64, share: f64) {
         if m.cut.contains(&true) && self.bounds(view).iou(&m.detection.bounds) < MUCH {
             self.restart(view, m, share);
@@ -233,7 +227,8 @@ impl Track {
         self.judge_depth(view, m, mode, share);
     }
 
-    /// Starts over with the box as it is: what comes in at the border grows faster than any size changes. The velocity stays.
+    /// Restarts from the box alone, keeping the velocity: an object entering at the border grows faster than the size
+    /// model allows.
     fn restart(&mut self, view: &View, m: &Measurement, share: f64) {
         let mut body = body_from(view, m, share, liveliness(self.class));
         if let (Body::Spatial(old), Body::Spatial(new)) = (&self.body, &mut body) {
@@ -244,7 +239,7 @@ impl Track {
         }
     }
 
-    /// Goes on as an object that was out of sight: it is one already.
+    /// Continues an object that was out of sight, which is already certain.
     pub(super) fn return_as(&mut self, id: ObjectId, sure: bool) {
         self.id = id;
         self.known = true;
@@ -253,12 +248,12 @@ impl Track {
         self.votes.are_enough(sure);
     }
 
-    /// How long it may live on without detections, s: no longer than it was seen, so that false alarms end soon.
+    /// Maximum time without detections, s: no longer than it was tracked, so that false alarms end soon.
     pub(super) fn patience(&self, coast: f64) -> f64 {
         (self.last_seen - self.born + STEP).min(coast)
     }
 
-    /// After a detection: where it is, and whether it rests.
+    /// After a detection: records the position and applies rest constraints.
     pub(super) fn settle(&mut self, down: &Vec3) {
         let parked = self.rigidity.motion() == Motion::Parked;
         let may_rest = liveliness(self.class) < 1.0;
@@ -271,7 +266,7 @@ impl Track {
         }
     }
 
-    /// Follows the reach of the object's surface, or starts the depth over when it has been contradicted for long.
+    /// Updates the extent of the object's surface, or restarts the depth after repeated contradictions.
     fn judge_depth(&mut self, view: &View, m: &Measurement, own: Option<DepthMode>, share: f64) {
         let nearest = m.modes[0];
         let behind = own.is_some_and(|o| o.depth > nearest.depth && nearest.share >= 0.6);
@@ -294,7 +289,8 @@ impl Track {
         }
     }
 
-    /// Whether so little is known that the box says nothing: the position is uncertain by twice the object's size. Boxes without depth: by their own size.
+    /// Whether the state is too uncertain to be useful: the position by twice the object's size. Without depth, by the
+    /// box's size.
     pub(super) fn vague(&self) -> bool {
         match &self.body {
             Body::Spatial(s) => {
@@ -313,7 +309,6 @@ impl Track {
         }
     }
 
-    /// The object as the tracker's users see it.
     pub(super) fn object(&self, view: &View) -> Object {
         let sure = self.reported()
             && self.place.is_steady()
@@ -353,7 +348,6 @@ impl Track {
             object.size = Some(s.size());
             object.depth_range = s.project(view).map(|p| {
                 let sigma = s.depth_variance(&p).max(0.0).sqrt();
-                // Bodies are not flat.
                 let least = MUCH * s.size()[0];
                 let [front, back] = self.reach.map(|r| r.max(least));
                 [(p.z - front - sigma).max(0.0), p.z + back + sigma]
@@ -374,12 +368,12 @@ fn reach(mode: &DepthMode) -> [f64; 2] {
     [mode.depth - mode.range[0], mode.range[1] - mode.depth]
 }
 
-/// How far beyond the gate an accepted detection is: 1 within it.
+/// Mahalanobis distance of an accepted detection relative to the gate: 1 within it.
 fn excess(state: &Gaussian, rows: &[Row]) -> f64 {
     (state.distance(rows) / CHI2_99[rows.len().min(5)].max(1.0)).max(1.0)
 }
 
-/// A detection that is farther off than the gate counts for less, by as much.
+/// Inflates the variances of a detection outside the gate.
 fn eased(mut rows: Vec<Row>, excess: f64) -> Vec<Row> {
     for row in &mut rows {
         row.variance *= excess;

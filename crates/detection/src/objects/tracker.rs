@@ -1,4 +1,4 @@
-//! All objects, from detections to predictions.
+//! Tracker of all objects, from detections to predictions.
 
 use super::associate::associate;
 use super::duplicates;
@@ -15,12 +15,14 @@ use crate::{Detection, Detections};
 use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::CoarseDepth;
 
-/// Share of the time to park after which a thing that does not move by itself is parked (section 14 of docs/algorithm.md).
+/// Share of the parking time after which a thing that does not move by itself is parked (section 14 of
+/// docs/algorithm.md).
 const THINGS_PARK: f64 = 0.33;
-/// Follows what a detector sees: an extended Kalman filter per object, detections assigned to objects by the Hungarian method.
+/// Object tracker: an extended Kalman filter per object, detections assigned by the Hungarian method.
 ///
-/// The state is that of the newest detections' stamp; [`Self::predict`] says where things are at any other time. The vertical, along which
-/// objects are upright, is that to which the cameras were held most nearly level. Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001.
+/// The state refers to the newest detections' stamp; [`Self::predict`] gives predictions for other times. Objects are
+/// upright along the estimated vertical, to which the cameras were held most nearly level. Source: Bar-Shalom, Li,
+/// Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001.
 #[derive(Clone, Debug)]
 pub struct ObjectTracker {
     config: ObjectsConfig,
@@ -34,12 +36,12 @@ pub struct ObjectTracker {
     ignored: u64,
 }
 
-/// Detections of one frame that are looked at, those of the best scores: as many as transformers give (RT-DETR: Zhao et al., CVPR 2024), and three
-/// times what networks are scored with (COCO: Lin et al., ECCV 2014). The work grows with the square of their number, 4 ms for so many
-/// (docs/robustness.md). No more objects than these are followed at a time.
+/// Maximum detections processed per frame, by score: the output size of transformers (RT-DETR: Zhao et al., CVPR 2024),
+/// and three times that of benchmarks (COCO: Lin et al., ECCV 2014). The work grows with the square of their number, 4
+/// ms for this one (docs/robustness.md). Also the maximum number of tracked objects.
 pub const MOST_DETECTIONS: usize = 300;
 
-/// The detections that are looked at, in the order in which they came.
+/// The processed detections, in their original order.
 fn strongest(all: &[Detection]) -> Vec<&Detection> {
     if all.len() <= MOST_DETECTIONS {
         return all.iter().collect();
@@ -52,7 +54,7 @@ fn strongest(all: &[Detection]) -> Vec<&Detection> {
 }
 
 impl ObjectTracker {
-    /// A tracker that knows no objects, for a camera whose raw images the detector looks at.
+    /// An empty tracker, for a camera whose raw images the detector sees.
     #[must_use]
     pub fn new(config: ObjectsConfig, camera: Camera) -> Self {
         Self {
@@ -68,8 +70,7 @@ impl ObjectTracker {
         }
     }
 
-    /// Forgets all objects, as the frame of reference or the clock has changed: what they were measured in means nothing any more.
-    /// Ids go on.
+    /// Forgets all objects after a change of the frame of reference or the clock. Ids continue.
     pub fn forget(&mut self) {
         self.tracks.clear();
         self.memory.clear();
@@ -77,10 +78,12 @@ impl ObjectTracker {
         self.vertical = Vertical::default();
     }
 
-    /// Takes in the detections of one frame, possibly some frames old, with the camera's pose and the depth of that frame.
+    /// Updates the tracker with the detections of one frame, possibly some frames old, with the camera's pose and the
+    /// depth of that frame.
     ///
-    /// Detections that are not newer than the last ones, or whose stamp or pose is not finite, are left out and counted: see [`Self::ignored`]. Boxes
-    /// that are not finite or not in the image are left out, and of more than [`MOST_DETECTIONS`] those of the lowest scores.
+    /// Detections that are not newer than the last ones, or whose stamp or pose is not finite, are ignored and counted:
+    /// see [`Self::ignored`]. Boxes that are not finite or not in the image are ignored, and of more than
+    /// [`MOST_DETECTIONS`] those of the lowest scores.
     pub fn update(
         &mut self,
         detections: &Detections,
@@ -118,13 +121,13 @@ impl ObjectTracker {
             }
         }
         self.begin(&view, depth, &measurements, &taken);
-        // One that was an object on its own before may be somebody who stands before another.
+        // A formerly separate object may be a person in front of another.
         let ended = duplicates::merge(&mut self.tracks, &view);
         ended
             .iter()
             .filter(|t| t.known)
             .for_each(|t| self.memory.keep(t));
-        // One miss says little of a detector that misses every third time, however long it takes.
+        // A single miss is weak evidence at any detector rate, as some detectors miss every third time.
         let patience = self.config.tentative_seconds;
         let waits = |t: &Track| t.misses < 2 || stamp - t.last_seen < patience;
         let memory = &mut self.memory;
@@ -142,7 +145,6 @@ impl ObjectTracker {
         }
     }
 
-    /// Starts objects of detections that are of none.
     fn begin(
         &mut self,
         view: &View,
@@ -172,7 +174,7 @@ impl ObjectTracker {
         }
     }
 
-    /// Brings all objects to a new stamp, without those that have coasted too long.
+    /// Predicts all objects to a new stamp; ends those that coasted too long.
     fn advance(&mut self, stamp: f64) {
         let dt = self.stamp.map_or(0.0, |last| stamp - last);
         let coast = self.config.coast_seconds;
@@ -191,8 +193,8 @@ impl ObjectTracker {
         self.stamp = Some(stamp);
     }
 
-    /// The objects as they are expected at a stamp (s), seen from a camera pose, in the order of their ids. Changes nothing, so that late detections are no
-    /// special case. Stamps before the newest detections are answered too: the states are traced back.
+    /// The predicted objects at a stamp (s), seen from a camera pose, by id. Read-only, so that late detections need no
+    /// special case. Stamps before the newest detections are predicted backwards.
     #[must_use]
     pub fn predict(&self, stamp: f64, world_from_camera: &Se3) -> Vec<Object> {
         let (Some(last), Some(down)) = (self.stamp, self.vertical.down()) else {
@@ -214,12 +216,13 @@ impl ObjectTracker {
             .collect()
     }
 
-    /// What the rigid test says about an object in the frame of a stamp (s): how many of its tested features agree with a static scene. Over time, with
-    /// hysteresis, this makes it parked or moving. Unknown ids are ignored: the object may have ended since.
+    /// Adds a result of the rigid test for an object at a stamp (s): the number of tested features that agree with a
+    /// static scene. With hysteresis this makes it parked or moving. Unknown ids are ignored: the object may have
+    /// ended.
     pub fn observe_rigidity(&mut self, id: ObjectId, stamp: f64, agreeing: u32, tested: u32) {
         let share = self.config.parked_share;
         if let Some(track) = self.tracks.iter_mut().find(|t| t.id == id) {
-            // Walkers stand still when they turn round; things do so only for good.
+            // Walkers stand still when they turn round; things that stop stay.
             let lively = liveliness(track.class) >= 1.0;
             let seconds = self.config.parked_seconds * if lively { 1.0 } else { THINGS_PARK };
             track
@@ -228,7 +231,7 @@ impl ObjectTracker {
         }
     }
 
-    /// How many calls of [`Self::update`] were left out: detections out of order, or without finite stamp and pose.
+    /// Number of ignored calls of [`Self::update`]: detections out of order, or without finite stamp and pose.
     #[must_use]
     pub fn ignored(&self) -> u64 {
         self.ignored

@@ -1,28 +1,28 @@
-//! Which way is down, from how the camera was held.
+//! Estimates the vertical from the cameras' orientations.
 
 use stillpoint_geometry::nalgebra::SymmetricEigen;
 use stillpoint_geometry::{Mat3, Se3, Vec3};
 
-/// Standard deviation of how far a camera rolls, rad: hands hold it level, and so do robots.
+/// Standard deviation of a camera's roll, rad: hands hold it level, and so do robots.
 const ROLL: f64 = 0.2;
-/// Standard deviation of how far a camera looks up or down, rad: at a desk, or at the floor before a robot.
+/// Standard deviation of a camera's pitch, rad: at a desk, or at the floor before a robot.
 const PITCH: f64 = 0.45;
-/// Cameras for which the first one counts as to its roll, a number: a run is begun with some care, and a slow roll after that is one. Measured: with 1 real people have more ghosts.
+/// Weight of the first camera's roll, a number of cameras: a run is begun with some care, and a slow roll afterwards is
+/// real. Measured: with 1 real people have more ghosts.
 const FIRST: f64 = 100.0;
 
-/// The vertical of the world as the direction to which the cameras' x axes, and to a lesser degree their z axes, are nearest to perpendicular: the vertical that
-/// makes their rolls and pitches most likely together. One camera alone is taken to be level; one that looks down and turns tells the true vertical. The idea is
-/// that by which panoramas are straightened (Brown and Lowe, "Automatic Panoramic Image Stitching using Invariant Features", 2007, section 5).
+/// Maximum-likelihood vertical: the direction most nearly perpendicular to the cameras' x axes and, with lower weight,
+/// z axes. A single camera is taken as level; one that looks down and turns reveals the true vertical. As in panorama
+/// straightening (Brown and Lowe, "Automatic Panoramic Image Stitching using Invariant Features", 2007, section 5).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Vertical {
     information: Mat3,
-    /// Sum of the cameras' y axes: which end of it is down.
+    /// Sum of the cameras' y axes, for the sign.
     y: Vec3,
     down: Option<Vec3>,
 }
 
 impl Vertical {
-    /// Takes in another camera, and gives the vertical as it is known with it.
     pub(super) fn observe(&mut self, world_from_camera: &Se3) -> Vec3 {
         let [x, y, z] = [Vec3::x(), Vec3::y(), Vec3::z()].map(|a| world_from_camera.rotation * a);
         let weight = if self.down.is_none() { FIRST } else { 1.0 };
@@ -40,7 +40,7 @@ impl Vertical {
         down
     }
 
-    /// The vertical, once there was a camera; it points down.
+    /// The vertical, pointing down, once a camera was added.
     pub(super) fn down(&self) -> Option<Vec3> {
         self.down
     }
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
     use stillpoint_geometry::so3;
 
-    /// Angle between what is found and the truth, which is the world's y axis, over cameras that are turned by yaw, then pitch, then roll, rad.
+    /// Angle between the estimate and the truth, the world's y axis, for cameras rotated by yaw, pitch, roll, rad.
     fn error(cameras: impl Iterator<Item = [f64; 3]>) -> f64 {
         let mut vertical = Vertical::default();
         let turn = |axis: Vec3, angle: f64| so3::exp(&(axis * angle));

@@ -6,26 +6,24 @@ use stillpoint_geometry::{Camera, Mat3, Se3, Vec2, Vec3};
 /// Sides of a box in undistorted pixels: left, top, right, bottom.
 pub(super) type Sides = [f64; 4];
 
-/// Points nearer than this to the plane of the camera are not projected, m. Chosen: no depth sensor sees as near.
+/// Minimum depth of projected points, m. Chosen: no depth sensor sees as near.
 pub(super) const NEAREST: f64 = 0.1;
 
-/// A camera at a pose.
 #[derive(Clone, Debug)]
 pub(super) struct View<'a> {
     pub(super) camera: &'a Camera,
     pub(super) world_from_camera: Se3,
     /// Rotation of `camera_from_world`.
     pub(super) rotation: Mat3,
-    /// Squares of cosine and sine of the angle between the image's y axis and the vertical seen in the image.
+    /// Squares of cosine and sine of the angle between the image's y axis and the vertical in the image.
     pub(super) roll: [f64; 2],
-    /// The vertical of the world in camera coordinates; it points down.
     down: Vec3,
-    /// Undistorted pixels that the raw image holds: see [`Camera::undistorted_bounds`].
+    /// Undistorted bounds of the raw image: see [`Camera::undistorted_bounds`].
     limits: [f64; 4],
 }
 
 impl<'a> View<'a> {
-    /// `down` is the vertical of the world, `limits` the camera's undistorted bounds.
+    /// `down` is the world's vertical, `limits` the camera's undistorted bounds.
     pub(super) fn new(
         camera: &'a Camera,
         limits: [f64; 4],
@@ -35,7 +33,8 @@ impl<'a> View<'a> {
         let rotation = world_from_camera.rotation_matrix().transpose();
         let seen = rotation * down;
         let flat = seen.x * seen.x + seen.y * seen.y;
-        // Along the vertical a camera sees it as a point: there is no angle, and things are as wide as they are deep.
+        // Looking along the vertical, a camera sees it as a point: the angle is undefined, and things are as wide as
+        // they are deep.
         let roll = if flat > 0.1 {
             [seen.y * seen.y / flat, seen.x * seen.x / flat]
         } else {
@@ -51,19 +50,18 @@ impl<'a> View<'a> {
         }
     }
 
-    /// From where the world begins, level.
     #[cfg(test)]
     pub(super) fn ahead(camera: &'a Camera) -> Self {
         let limits = camera.undistorted_bounds();
         Self::new(camera, limits, &Se3::default(), &Vec3::y())
     }
 
-    /// A point of the world in camera coordinates.
     pub(super) fn camera_point(&self, world: &Vec3) -> Vec3 {
         self.rotation * (world - self.world_from_camera.translation)
     }
 
-    /// How far a plumb line at a raw pixel moves to the right per pixel that it goes down; 0 where it lies rather than hangs in the image.
+    /// Shift to the right per pixel down of a vertical line at a raw pixel; 0 if it is more horizontal than vertical in
+    /// the image.
     pub(super) fn lean(&self, raw: Vec2) -> f64 {
         let at = self.camera.undistort(raw);
         let (x, y) = (
@@ -80,7 +78,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// The sides of a raw box without the lens distortion: those of its sides' midpoints.
+    /// Undistorts a raw box by its sides' midpoints.
     pub(super) fn undistorted(&self, raw: &BoundingBox) -> Sides {
         let [u, v] = raw.centre();
         let point = |x, y| self.camera.undistort(Vec2::new(x, y));
@@ -92,7 +90,7 @@ impl<'a> View<'a> {
         ]
     }
 
-    /// Share of a box within the image, along the axis along which it is less.
+    /// Share of a box inside the image, along the axis with less.
     pub(super) fn inside(&self, sides: &Sides) -> f64 {
         let share = |low: usize| {
             let (from, to) = (sides[low], sides[low + 2]);
@@ -102,10 +100,10 @@ impl<'a> View<'a> {
         share(0).min(share(1))
     }
 
-    /// The inverse of [`Self::undistorted`], cut to the image; of no area when the box is outside.
+    /// The inverse of [`Self::undistorted`], clipped to the image; empty when outside.
     pub(super) fn raw(&self, sides: &Sides) -> BoundingBox {
         let [left, top, right, bottom] = self.limits;
-        // The distortion is known within the image only: beyond, its polynomial may fold back.
+        // Distortion is valid within the image only: beyond, its polynomial may fold back.
         let x = [sides[0], sides[2]].map(|x| x.clamp(left - 1.0, right + 1.0));
         let y = [sides[1], sides[3]].map(|y| y.clamp(top - 1.0, bottom + 1.0));
         let (u, v) = ((x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0);
@@ -140,7 +138,7 @@ mod tests {
     }
 
     proptest! {
-        /// Two points of a plumb line are seen one below the other, as far to the side as it is said.
+        /// Two points of a vertical line project with the computed slope.
         #[test]
         fn plumb_lines_lean(
             roll in -0.6..0.6_f64, pitch in -0.4..0.4_f64, x in -0.4..0.4_f64, y in -0.3..0.3_f64, z in 1.0..4.0_f64
@@ -166,7 +164,7 @@ mod tests {
             let view = View::ahead(&camera);
             let raw = BoundingBox { x0, y0, x1: x0 + w * (639.0 - x0), y1: y0 + h * (479.0 - y0) };
             let back = view.raw(&view.undistorted(&raw));
-            // The midpoint of a side moves a little along it, which the distortion hardly sees.
+            // The midpoint of a side moves slightly along it, which hardly affects the distortion.
             for (a, b) in [(raw.x0, back.x0), (raw.y0, back.y0), (raw.x1, back.x1), (raw.y1, back.y1)] {
                 prop_assert!((a - b).abs() < 0.5, "{raw:?} {back:?}");
             }

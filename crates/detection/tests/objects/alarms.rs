@@ -1,11 +1,10 @@
-//! False alarms beside people who are missed, and boxes that show somebody else too.
+//! False alarms near missed people, and boxes that also show another person.
 
 use super::feed::{detections, feed, feed_items, standing, tracker, truth};
 use super::world::{RATE, Walker, World, person};
 use stillpoint_detection::{BoundingBox, Detection, Object, ObjectState};
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A person's box of some score.
 fn scored(bounds: BoundingBox, score: f32) -> Detection {
     Detection {
         score,
@@ -13,7 +12,8 @@ fn scored(bounds: BoundingBox, score: f32) -> Detection {
     }
 }
 
-/// Somebody who was seen for a second and then missed for half of one, and a box of a score around something of his shape and depth beside him: the objects then.
+/// A person is detected for a second, then missed for half a second; then a box with `score` appears around an object
+/// of similar shape and depth beside the person. Returns the objects.
 fn box_beside(score: f32) -> (BoundingBox, Vec<Object>) {
     let at = |x: f64| Walker::new(move |_| Vec3::new(x, 0.2, 2.5));
     let world = World::new(vec![at(0.2), at(0.6)], |_| Se3::default());
@@ -26,7 +26,8 @@ fn box_beside(score: f32) -> (BoundingBox, Vec<Object>) {
     (truth(&world, 0), objects)
 }
 
-/// Where somebody went who was missed for half a second is not known well: a sure box beside his place is his. One of half the score that he usually has is not.
+/// The position is uncertain after half a second of misses: a sure box beside it is assigned to the person, one of half
+/// the usual score is not.
 #[test]
 fn who_was_missed_goes_where_a_sure_box_is_and_not_where_a_doubtful_one_is() {
     let (own, objects) = box_beside(0.8);
@@ -45,7 +46,8 @@ fn who_was_missed_goes_where_a_sure_box_is_and_not_where_a_doubtful_one_is() {
     );
 }
 
-/// A doubtful box in his place is his: networks are less sure of who turns round or is half hidden.
+/// A low-score box at the person's position is assigned: networks give lower scores to people who turn round or are
+/// half hidden.
 #[test]
 fn a_doubtful_box_in_somebodys_place_is_his() {
     let world = standing();
@@ -59,7 +61,7 @@ fn a_doubtful_box_in_somebodys_place_is_his() {
     assert_eq!(objects[0].state, ObjectState::Confirmed);
 }
 
-/// A small box on somebody's body, seen once while he was missed: he does not become as small as it.
+/// A small box on a person's body, detected once while the person was missed, must not shrink the person.
 #[test]
 fn a_box_on_somebodys_body_that_was_seen_once_does_not_take_his_place() {
     let world = World::new(vec![Walker::new(|_| Vec3::new(0.0, 0.2, 1.2))], |_| {
@@ -85,7 +87,7 @@ fn a_box_on_somebodys_body_that_was_seen_once_does_not_take_his_place() {
     }
 }
 
-/// Of who walks out of the image and is not found any more it is said where he must be, but not that he is to be seen.
+/// A person who leaves the image undetected is predicted there, but marked as hidden.
 #[test]
 fn who_leaves_the_image_is_out_of_sight() {
     let world = World::new(
@@ -113,7 +115,7 @@ fn who_leaves_the_image_is_out_of_sight() {
     assert!(left > 14, "{left}");
 }
 
-/// Somebody 2.4 m away comes out behind another who is 1.2 m away: half of his first box shows the other.
+/// A person at 2.4 m emerges from behind another at 1.2 m: half of the first box shows the other.
 #[test]
 fn who_comes_out_behind_another_is_where_he_is() {
     let world = World::new(
@@ -145,7 +147,7 @@ fn who_comes_out_behind_another_is_where_he_is() {
     assert!((z - 2.3).abs() < 0.3, "{z} m away");
 }
 
-/// A second box of somebody, with a little of the wall beside him, is not of somebody at the wall.
+/// A second box of a person, which includes some wall, does not create a person at the wall.
 #[test]
 fn a_second_box_of_somebody_is_at_his_depth() {
     let world = World::new(vec![Walker::new(|_| Vec3::new(0.0, 0.2, 1.2))], |_| {

@@ -30,7 +30,7 @@ fn one_detection_masks_and_three_make_an_object() {
         assert_eq!(objects[0].last_seen, 60.0 / RATE);
     }
     assert!(feed(&mut t, &world, 106, false).is_empty());
-    // Seen again in its place it is the same, as soon as it is sure to be there.
+    // Re-detected at its position it keeps its id, once certain.
     feed(&mut t, &world, 107, true);
     assert_eq!(feed(&mut t, &world, 108, true)[0].id, first[0].id);
 }
@@ -42,7 +42,7 @@ fn what_was_seen_for_a_moment_is_not_waited_for_long() {
     for frame in 0..=4 {
         feed(&mut t, &world, frame, true);
     }
-    // Seen for 0.13 s, it is believed in for that and 0.3 s.
+    // Tracked for 0.13 s, it is kept for that plus 0.3 s.
     assert_eq!(feed(&mut t, &world, 16, false).len(), 1);
     assert!(feed(&mut t, &world, 18, false).is_empty());
 }
@@ -73,7 +73,7 @@ fn measures_position_velocity_and_size() {
     }
     let o = &last[0];
     let middle = (world.walkers[0].path)(59.0 / RATE);
-    // The surface is up to 15 cm before the middle.
+    // The surface is up to 15 cm in front of the middle.
     let error = o.position.unwrap() - middle;
     assert!(error.x.abs() < 0.06 && error.y.abs() < 0.1, "{error:?}");
     assert!((-0.25..0.02).contains(&error.z), "{error:?}");
@@ -83,7 +83,7 @@ fn measures_position_velocity_and_size() {
     assert!((w - 0.5).abs() < 0.08 && (h - 1.7).abs() < 0.2, "{w} {h}");
     let [near, far] = o.depth_range.unwrap();
     assert!(near < middle.z - 0.1 && far > middle.z && far - near < 0.9);
-    // The stated uncertainty is that of the errors: within four standard deviations, and not boundless.
+    // The stated uncertainty is realistic: errors within four standard deviations, and bounded.
     let c = o.covariance.unwrap();
     for i in 0..3 {
         let sigma = c[(3 + i, 3 + i)].sqrt();
@@ -106,7 +106,7 @@ fn the_box_says_how_sure_it_is() {
     assert!((bounds.x0 - truth.x0).abs() < 3.0 * now[0]);
     assert!((bounds.y1 - truth.y1).abs() < 3.0 * now[1]);
     assert!(now[0] < 0.1 * truth.width() && now[1] < 0.1 * truth.height());
-    // A second later somebody may have gone half a metre: 110 px.
+    // A second later a person may have moved by half a metre: 110 px.
     let later = sigma(30.0);
     assert!((80.0..250.0).contains(&later[0]), "{later:?}");
     assert!(sigma(10.0)[0] > now[0] && sigma(10.0)[0] < later[0]);
@@ -122,7 +122,6 @@ fn prediction_changes_nothing_and_agrees_with_the_update() {
     let now = t.predict(4.0 / RATE, &world.pose(0.0));
     let ahead = t.predict(10.0 / RATE, &world.pose(0.0));
     assert_eq!(t.predict(4.0 / RATE, &world.pose(0.0)), now);
-    // Predicting is what an update without detections does.
     let mut other = t.clone();
     let after = feed(&mut other, &world, 10, false);
     assert_eq!(ahead[0].bounds, after[0].bounds);
@@ -257,7 +256,7 @@ fn rigidity_parks_and_motion_frees() {
     assert_eq!(motions[119], Motion::Moving);
 }
 
-/// Parked until it is out of sight for three seconds, then seen again in its place or 0.6 m beside it.
+/// Parked, out of sight for three seconds, then seen again at its position or 0.6 m beside it.
 fn back_after_three_seconds(class: &str, moved: f64) -> Motion {
     let place = move |t: f64| Vec3::new(if t < 4.0 { 0.2 } else { 0.2 + moved }, 0.2, 2.5);
     let world = World::new(vec![Walker::new(place)], |_| Se3::default());
@@ -277,7 +276,7 @@ fn back_after_three_seconds(class: &str, moved: f64) -> Motion {
         }
     }
     assert_eq!(ids[0], ids[96], "{class} {moved}");
-    // Six frames after it came back: it has its number again, and was not seen for long enough to be judged anew.
+    // Six frames after its return: re-identified, but not yet judged anew.
     motions[96]
 }
 
@@ -285,7 +284,6 @@ fn back_after_three_seconds(class: &str, moved: f64) -> Motion {
 fn a_thing_that_is_back_in_its_place_is_still_parked() {
     assert_eq!(back_after_three_seconds("tv", 0.0), Motion::Parked);
     assert_eq!(back_after_three_seconds("tv", 0.6), Motion::Unknown);
-    // People get up and sit down again.
     assert_eq!(back_after_three_seconds("person", 0.0), Motion::Unknown);
 }
 
@@ -316,13 +314,13 @@ fn the_configuration_tells_what_is_out_of_range() {
     assert_eq!(problems[2], "side_sigma: expected 0.005 to 0.5, found 2");
 }
 
-/// Another clock, or another frame of reference: what comes next is news, whatever its stamp.
+/// After a change of the clock or the frame of reference, any stamp is accepted.
 #[test]
 fn after_forgetting_earlier_stamps_are_news() {
     let world = standing();
     let mut t = tracker(&world);
     feed(&mut t, &world, 100, true);
-    // Control: late detections are left out.
+    // Control: late detections are ignored.
     assert_eq!(feed(&mut t, &world, 50, true).len(), 0);
     assert_eq!(t.ignored(), 1);
     t.forget();

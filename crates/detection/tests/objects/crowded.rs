@@ -1,4 +1,4 @@
-//! A frame full of boxes, as a detector with a wrong threshold gives it.
+//! Frames full of boxes, from a detector with a wrong threshold.
 
 use super::world::{RATE, Walker, World, person, uniform};
 use stillpoint_detection::{
@@ -7,8 +7,8 @@ use stillpoint_detection::{
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_imaging::FrameId;
 
-/// Two thousand boxes in each frame: the one of the best score is followed as if it were alone, and the others are bounded. Were all
-/// compared with all, this would take half an hour.
+/// Two thousand boxes per frame: the best one is tracked as if alone, and the number of others is bounded. Comparing
+/// all with all would take half an hour.
 #[test]
 fn the_strongest_of_thousands_is_followed() {
     let world = World::new(vec![Walker::new(|_| Vec3::new(0.2, 0.2, 2.5))], |_| {

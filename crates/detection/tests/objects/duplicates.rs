@@ -1,4 +1,4 @@
-//! One thing has one box: what is kept from starting, what is merged, and what stays two.
+//! One box per object: suppressed and merged duplicates, and distinct objects.
 
 use super::feed::{feed, feed_items, standing, tracker, truth};
 use super::world::{Faults, RATE, Walker, World, person};
@@ -28,14 +28,14 @@ fn a_second_box_on_the_same_person_does_not_stay() {
         y1: whole.y0 + 0.55 * whole.height(),
         ..whole
     };
-    // Beside the whole, the half starts nothing.
+    // Beside the whole, the half starts no track.
     let mut t = tracker(&world);
     feed(&mut t, &world, 0, true);
     let both = || vec![person(whole), person(half)];
     for frame in 1..20 {
         assert_eq!(feed_items(&mut t, &world, frame, both()).len(), 1);
     }
-    // Known by the half first, it becomes the whole and keeps its id.
+    // A track started by the half becomes the whole and keeps its id.
     let mut t = tracker(&world);
     for frame in 0..5 {
         feed_items(&mut t, &world, frame, vec![person(half)]);
@@ -66,7 +66,7 @@ fn two_people_close_together_stay_two() {
     }
 }
 
-/// A network that calls somebody's legs a cake has found no cake: what lies on a person, at his depth, is the person. Beside him it is a thing.
+/// A cake detected on a person's legs, at the same depth, is part of the person. Beside the person it is a thing.
 #[test]
 fn a_thing_on_a_person_at_his_depth_is_the_person() {
     let world = standing();
@@ -91,7 +91,8 @@ fn a_thing_on_a_person_at_his_depth_is_the_person() {
     }
 }
 
-/// The box of a second person who shows at the side of the first, at the same depth, as high as he is and a quarter as wide.
+/// The box of a second person visible at the side of the first, at the same depth, of the same height and a quarter of
+/// the width.
 fn strip(whole: &BoundingBox) -> BoundingBox {
     BoundingBox {
         x0: whole.x1 - 0.25 * whole.width(),
@@ -99,7 +100,8 @@ fn strip(whole: &BoundingBox) -> BoundingBox {
     }
 }
 
-/// Who shows at the side of another is no part of him, however near: neither kept from starting nor merged. The upper half is: see above.
+/// A person visible at the side of another is not part of the other: neither suppressed nor merged. The upper half is:
+/// see above.
 #[test]
 fn who_shows_at_the_side_of_another_is_somebody_else() {
     let world = standing();
@@ -117,7 +119,7 @@ fn who_shows_at_the_side_of_another_is_somebody_else() {
     assert!(seen[0].bounds.iou(&whole) > 0.9 && seen[1].bounds.iou(&strip(&whole)) > 0.8);
 }
 
-/// Two who were known one by one, and were seen as one for a while, have their numbers when they part.
+/// Two people who were tracked separately, then detected as one, get their ids back when they part.
 #[test]
 fn two_who_stood_as_one_are_known_again() {
     let world = World::new(
@@ -131,7 +133,7 @@ fn two_who_stood_as_one_are_known_again() {
     let mut numbers: Vec<Vec<ObjectId>> = Vec::new();
     for frame in 0..60 {
         let mut items = Faults::default().detect(&world, frame).items;
-        // While they are together the network sees one, and calls his upper half another.
+        // While they are together the network detects one person, and the upper half as another.
         if (22..38).contains(&frame) {
             let both = items.iter().map(|d| d.bounds);
             let whole = both.reduce(|a, b| BoundingBox {
@@ -156,7 +158,8 @@ fn two_who_stood_as_one_are_known_again() {
     assert_eq!(numbers[59], numbers[20], "{numbers:?}");
 }
 
-/// A screen that the network calls a tv and a laptop has one box and one name, that of the surer detections; two things side by side are two.
+/// A screen detected as tv and laptop is one object, with the class of the higher scores; two things side by side are
+/// two.
 #[test]
 fn one_thing_of_two_names_is_one() {
     let world = World {
@@ -183,7 +186,6 @@ fn one_thing_of_two_names_is_one() {
     let mut t = tracker(&world);
     let mut seen = Vec::new();
     for frame in 0..20 {
-        // Both names in the first frames; then now this, now that.
         let items = match frame {
             0..5 => vec![thing(tv, 0.7, screen), thing(laptop, 0.5, shifted(8.0))],
             _ if frame % 3 == 0 => vec![thing(laptop, 0.6, shifted(6.0))],
@@ -193,7 +195,7 @@ fn one_thing_of_two_names_is_one() {
         assert_eq!(seen.len(), 1, "frame {frame}: {seen:?}");
     }
     assert_eq!((seen[0].class, seen[0].id), (ClassId(tv), ObjectId(0)));
-    // Each was found in frames of its own at first: the younger is merged into the elder.
+    // At first each is detected in frames of its own: the younger track is merged into the older.
     let mut t = tracker(&world);
     for frame in 0..12 {
         let class = if frame % 2 == 0 { tv } else { laptop };
@@ -201,7 +203,7 @@ fn one_thing_of_two_names_is_one() {
         seen = feed_items(&mut t, &world, frame, vec![thing(class, 0.6, shifted(by))]);
     }
     assert_eq!(seen.len(), 1, "{seen:?}");
-    // Control: beside each other they are two.
+    // Control: side by side they are two.
     let mut t = tracker(&world);
     for frame in 0..12 {
         let items = vec![thing(tv, 0.7, screen), thing(laptop, 0.7, shifted(80.0))];

@@ -7,7 +7,6 @@ use stillpoint_detection::{
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_imaging::FrameId;
 
-/// Somebody who stands 2.5 m before a camera that stands still.
 pub(crate) fn standing() -> World {
     World::new(vec![Walker::new(|_| Vec3::new(0.2, 0.2, 2.5))], |_| {
         Se3::default()

@@ -1,4 +1,4 @@
-//! What holds whatever the tracker is fed.
+//! Laws that hold for any input of the tracker.
 
 use super::world::{distorted, person};
 use proptest::prelude::*;
@@ -6,7 +6,7 @@ use stillpoint_detection::{BoundingBox, Detections, ObjectTracker, ObjectsConfig
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::{CoarseDepth, DepthImage, FrameId};
 
-/// A box, a stamp, a pose's turn and shift, and a depth: mostly sound, now and then not.
+/// Stamp, boxes, pose twist and depth: mostly valid, occasionally not.
 fn anything() -> impl Strategy<Value = (f64, Vec<[f64; 4]>, [f64; 6], f32)> {
     let coordinate = prop_oneof![
         8 => -200.0..900.0_f64,

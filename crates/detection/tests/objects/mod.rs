@@ -1,5 +1,5 @@
-//! The object tracker on people who walk in a room, with a detector that misses, invents and doubles.
-#![allow(clippy::print_stdout)] // What was measured is worth reading.
+//! The object tracker on people walking in a room, with a detector that has misses, false alarms and duplicates.
+#![allow(clippy::print_stdout)] // Measurements are printed.
 
 mod alarms;
 mod behaviour;
@@ -43,7 +43,7 @@ fn pacing() -> Vec<Walker> {
     ]
 }
 
-/// One who walks straight on, towards the camera and past its axis.
+/// A person who walks straight on, towards the camera and past its axis.
 fn straight() -> Vec<Walker> {
     vec![Walker::new(|t| {
         Vec3::new(-0.5 + 0.1 * t, 0.2, 4.2 - 0.2 * t)
@@ -57,7 +57,7 @@ fn dropped() -> Faults {
     }
 }
 
-/// 25 frames in a row of every 60.
+/// 25 consecutive frames of every 60.
 fn gaps() -> Faults {
     Faults {
         gap: |frame| frame % 60 >= 35,
@@ -69,7 +69,7 @@ fn score(world: &World, faults: &Faults) -> Score {
     run(world, faults, FRAMES, &Drive::default())
 }
 
-/// Every visible frame of every walker has an object of its own, always the same.
+/// Every visible frame of every walker has its own object, always the same.
 fn assert_held(score: &Score, share: f64) {
     assert_eq!(score.switches, 0, "{score}");
     let all = (score.held + score.missed) as f64;
@@ -97,7 +97,7 @@ fn gaps_of_25_frames() {
         assert_held(&s, 0.99);
         assert!(s.mean() > 0.8 && s.quantile(0.05) > 0.6, "{s}");
     }
-    // Who turns round while unseen is where nobody can know.
+    // The position of a person who turns round while undetected is unpredictable.
     let s = score(&World::new(pacing(), still), &gaps());
     assert_held(&s, 0.9);
     assert!(s.mean() > 0.6, "{s}");
@@ -119,7 +119,7 @@ fn people_who_cross() {
     }
 }
 
-/// The filter knows the camera's motion; without it, or with boxes in the image only, the turning camera flings the boxes about.
+/// The filter knows the camera's motion; controls without it, or with image boxes only, fail.
 #[test]
 fn a_panning_camera() {
     let world = World::new(straight(), panning);
@@ -151,7 +151,7 @@ fn false_alarms() {
     let s = score(&world, &faults);
     assert_held(&s, 0.98);
     assert!(s.mean() > quiet.mean() - 0.03, "{s} {quiet}");
-    // Some 90 alarms: hardly any has a second one in its place soon enough to be believed.
+    // Some 90 alarms: hardly any is repeated at its position soon enough to be believed.
     assert!(s.ids.len() <= world.walkers.len() + 3, "{s}");
     assert!(s.surplus < FRAMES as usize / 2, "{s}");
 }
@@ -201,7 +201,7 @@ fn people_of_any_size() {
     }
 }
 
-/// A camera that rolls while the detector sees nothing: the box widens as the person's image turns.
+/// A camera that rolls while detections are missing: the box widens as the person's image rotates.
 #[test]
 fn a_rolling_camera() {
     let rolling = |t: f64| turned(0.0, 0.0, 0.6 * libm::sin(1.5 * t), Vec3::zeros());
@@ -209,7 +209,7 @@ fn a_rolling_camera() {
     let s = score(&world, &gaps());
     assert_held(&s, 0.97);
     assert!(s.mean() > 0.86 && s.quantile(0.05) > 0.7, "{s}");
-    // Begun on its side it takes what lies for upright.
+    // Started on its side, it takes the horizontal as the vertical.
     let s = run(
         &world,
         &gaps(),

@@ -1,4 +1,4 @@
-//! People who pass before each other at arm's length, so near that the border cuts both: who is who when they come apart.
+//! People who pass each other at arm's length, so near that the border cuts both, must keep their ids.
 
 use super::feed::{feed_items, tracker};
 use super::world::{RATE, Walker, World, normal, person, uniform};
@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use stillpoint_detection::{BoundingBox, Object, ObjectId, ObjectState};
 use stillpoint_geometry::{Se3, Vec3};
 
-/// One 0.9 m before the camera, one half a metre behind; they walk to and fro, mostly against each other.
+/// One 0.9 m in front of the camera, one half a metre behind; they walk to and fro, mostly in opposite directions.
 fn crowd(phase: f64) -> World {
     World::new(
         vec![
@@ -17,7 +17,7 @@ fn crowd(phase: f64) -> World {
     )
 }
 
-/// What a detector finds that misses every third box: what is seen of each, borders off by 4 px.
+/// Boxes of the visible parts, with sides off by 4 px, from a detector that misses every third box.
 fn found(world: &World, seed: u64, frame: u64) -> Vec<BoundingBox> {
     let t = frame as f64 / RATE;
     let boxes = (0..world.walkers.len()).filter_map(|n| {
@@ -35,7 +35,7 @@ fn found(world: &World, seed: u64, frame: u64) -> Vec<BoundingBox> {
     boxes.collect()
 }
 
-/// Share of the boxes of both walkers, over ten seconds, that bear the number which their walker bears most of the time; and how many numbers there were.
+/// Share of both walkers' boxes, over ten seconds, with their most frequent id; and the number of ids.
 fn identified(world: &World, seed: u64) -> (f64, usize) {
     let mut t = tracker(world);
     let mut borne: Vec<Vec<ObjectId>> = vec![Vec::new(); world.walkers.len()];
@@ -67,7 +67,8 @@ fn identified(world: &World, seed: u64) -> (f64, usize) {
     (right as f64 / all as f64, numbers.len())
 }
 
-/// The depth tells whose box it is: the one in front shows all of himself, and the one behind something. Without depth they are exchanged.
+/// Depth identifies the person in a box: the one in front is visible completely, the one behind in part. Without depth
+/// they are exchanged.
 #[test]
 fn who_passes_another_at_arms_length_keeps_his_number() {
     let mean = |with_depth| {

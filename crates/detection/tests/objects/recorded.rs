@@ -1,5 +1,5 @@
-//! The tracker on people with arms, legs and ragged depth: the simulator's, and real ones where the data set is there.
-// Tests may look for data sets; the library reads no files.
+//! The tracker on people with limbs and ragged depth: simulated, and real if the data set is available.
+// Tests may read data sets; the library reads no files.
 #![allow(clippy::disallowed_methods)]
 
 use super::score::{Score, judge};
@@ -14,7 +14,7 @@ use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{CoarseDepth, FrameId, FrameSource};
 use stillpoint_simulator::{Simulator, SimulatorConfig};
 
-/// A frame as the tracker gets it, and the true boxes of what is visible of each person.
+/// Input of the tracker, and true boxes of the visible part of each person.
 struct Recorded {
     stamp: f64,
     pose: Se3,
@@ -22,7 +22,7 @@ struct Recorded {
     people: BTreeMap<u32, BoundingBox>,
 }
 
-/// Runs the tracker; a person is missed when `missed(frame, person)` says so. Borders are off by 4 % of the box's size.
+/// Runs the tracker; `missed(frame, person)` selects missed detections. Sides are off by 4 % of the box's size.
 fn follow(camera: Camera, frames: &[Recorded], missed: impl Fn(u64, u32) -> bool) -> Score {
     let mut tracker = ObjectTracker::new(ObjectsConfig::default(), camera);
     let mut score = Score::default();
@@ -82,7 +82,6 @@ fn gap(frame: u64, _: u32) -> bool {
     frame % 60 >= 35
 }
 
-/// A scene of the simulator at half size, with the sensor's noise.
 fn simulated(scene: &str, frames: usize) -> (Camera, Vec<Recorded>) {
     let camera = Camera::pinhole(320, 240, [267.5, 267.5, 159.5, 119.5]);
     let config = SimulatorConfig {
@@ -173,7 +172,7 @@ fn real_people() {
         return;
     };
     assert!(frames.len() > 250);
-    // Two people who take turns to fill half of the image and hide each other; the boxes are those of what is visible.
+    // Two people who alternately fill half of the image and hide each other; boxes are of the visible parts.
     let s = follow(camera, &frames, third);
     assert!(s.switches <= 7 && s.mean() > 0.7, "{s}");
     assert!(s.held > 20 * s.missed, "{s}");

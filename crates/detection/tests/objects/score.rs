@@ -1,4 +1,4 @@
-//! Runs of the tracker, and what they showed.
+//! Runs of the tracker and their scores.
 
 use super::world::{Faults, RATE, World};
 use stillpoint_detection::{
@@ -7,19 +7,17 @@ use stillpoint_detection::{
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::{CoarseDepth, FrameId};
 
-/// What a run showed.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Score {
-    /// How often a walker was given another id than before.
+    /// Number of id switches of walkers.
     pub(crate) switches: usize,
-    /// Overlap of predicted and true box in every frame in which a walker was visible but not detected, and its object known.
+    /// Overlap of predicted and true box in every frame with a visible, undetected walker whose object is known.
     pub(crate) coasting: Vec<f64>,
-    /// Frames with a visible walker that has an object, and that has none. The first ten frames do not count.
+    /// Frames with a visible walker, with and without an object. The first ten frames do not count.
     pub(crate) held: usize,
     pub(crate) missed: usize,
     /// Objects beyond one per walker, confirmed or coasting, summed over the frames.
     pub(crate) surplus: usize,
-    /// Ids that were ever confirmed.
     pub(crate) ids: Vec<ObjectId>,
 }
 
@@ -28,7 +26,7 @@ impl Score {
         self.coasting.iter().sum::<f64>() / self.coasting.len() as f64
     }
 
-    /// The overlap that a share of the coasting frames stays under.
+    /// A quantile of the overlap in coasting frames.
     pub(crate) fn quantile(&self, share: f64) -> f64 {
         let mut sorted = self.coasting.clone();
         sorted.sort_by(f64::total_cmp);
@@ -37,11 +35,10 @@ impl Score {
     }
 }
 
-/// How the tracker is driven.
 pub(crate) struct Drive {
-    /// Frames by which detections come late.
+    /// Delay of detections, frames.
     pub(crate) lag: u64,
-    /// Whether the tracker is given the camera's pose. Controls are not.
+    /// Whether the tracker gets the camera's pose. Controls do not.
     pub(crate) with_pose: bool,
     /// Pose of an empty frame before the first.
     pub(crate) first: Option<Se3>,
@@ -57,7 +54,7 @@ impl Default for Drive {
     }
 }
 
-/// Runs the tracker over some frames; it is asked for every frame right after the detections that have come by then.
+/// Runs the tracker; predictions are queried every frame, after the detections available then.
 pub(crate) fn run(world: &World, faults: &Faults, frames: u64, drive: &Drive) -> Score {
     let mut tracker = ObjectTracker::new(ObjectsConfig::default(), world.camera);
     let mut score = Score::default();
@@ -124,7 +121,7 @@ impl std::fmt::Display for Score {
     }
 }
 
-/// Judges one walker's frame: true box and visible share, the objects, and what was detected.
+/// Scores one walker's frame: true box and visible share, objects, and detections.
 pub(crate) fn judge(
     score: &mut Score,
     known: &mut Option<ObjectId>,
@@ -133,7 +130,7 @@ pub(crate) fn judge(
     detections: &Detections,
     frame: u64,
 ) {
-    // Who has left the image may come back as somebody else. Who is hidden is not judged.
+    // A walker who left the image may get another id. Hidden walkers are not scored.
     let Some((bounds, open)) = truth else {
         *known = None;
         return;

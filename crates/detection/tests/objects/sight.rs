@@ -1,4 +1,4 @@
-//! What others and the border hide, and what a velocity may be.
+//! Occlusion, image borders, and velocity limits.
 
 use super::feed::{detections, feed_items, standing, tracker, truth};
 use super::world::{RATE, Walker, World, person};
@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use stillpoint_detection::{BoundingBox, ObjectState};
 use stillpoint_geometry::{Se3, Vec3};
 
-/// Somebody stands 3 m away; somebody passes 1.8 m away, from the left to the right.
+/// A person stands 3 m away; another passes 1.8 m away, from left to right.
 fn passing() -> World {
     World::new(
         vec![
@@ -17,7 +17,7 @@ fn passing() -> World {
     )
 }
 
-/// What shows of a box beside another that is as high: the wider of both sides.
+/// The wider visible part of a box beside an occluder of the same height.
 fn beside(own: &BoundingBox, other: &BoundingBox) -> BoundingBox {
     let [left, right] = [other.x0 - own.x0, own.x1 - other.x1];
     if left >= own.width() || right >= own.width() {
@@ -35,7 +35,8 @@ fn beside(own: &BoundingBox, other: &BoundingBox) -> BoundingBox {
     }
 }
 
-/// The one behind is found by what shows of him, and has the same number before, meanwhile and after: what ends at the one in front goes on behind it.
+/// The person behind is detected by the visible part and keeps the same id before, during and after: sides at the
+/// occluder are not the person's own.
 #[test]
 fn who_shows_behind_another_stays_who_he_is() {
     let world = passing();
@@ -68,7 +69,7 @@ fn who_shows_behind_another_stays_who_he_is() {
     assert!(hidden >= 3, "{hidden} frames in which he is hidden");
 }
 
-/// Behind another and not found he is hidden; where his place is free and he is not found he only was missed.
+/// An undetected person behind another is hidden; an undetected one in a free position was only missed.
 #[test]
 fn hidden_is_who_has_another_before_him() {
     for (stands_before, expected) in [(true, ObjectState::Hidden), (false, ObjectState::Coasting)] {
@@ -92,7 +93,8 @@ fn hidden_is_who_has_another_before_him() {
     }
 }
 
-/// Of who comes in at a corner the first boxes hold little but the wall behind him. When more of him shows it is still he, and where he is.
+/// The first boxes of a person entering at a corner show mostly the wall. The track must continue, at the right
+/// position, when more is visible.
 #[test]
 fn who_comes_in_is_one_though_the_wall_showed_first() {
     let world = World::new(vec![Walker::new(|_| Vec3::new(0.9, 0.2, 1.6))], |_| {
@@ -125,7 +127,7 @@ fn who_comes_in_is_one_though_the_wall_showed_first() {
     }
 }
 
-/// A surface that was taken for another is no motion: what is reported moves from frame to frame no faster than a run.
+/// A switch to another surface is not motion: reported positions move no faster than a run.
 #[test]
 fn a_position_that_jumps_is_not_reported() {
     let world = World::new(vec![Walker::new(|_| Vec3::new(0.2, 0.2, 1.6))], |_| {
@@ -158,7 +160,6 @@ fn a_position_that_jumps_is_not_reported() {
     assert!(at_wall >= 2 && at_person >= 8, "{at_wall} {at_person}");
 }
 
-/// Nobody indoors is faster than a run: a box that leaps is a box that leaps.
 #[test]
 fn no_velocity_is_above_that_of_a_run() {
     let world = World::new(

@@ -1,14 +1,15 @@
-//! The speed of people whose arms swing: a box's sides follow the arms, the middle of the surface does not.
+//! Speed of people with swinging arms: a box's sides follow the arms, the middle of the surface does not.
 
 use super::feed::{feed_items, tracker};
 use super::world::{RATE, Walker, World, person, turned};
 use stillpoint_detection::BoundingBox;
 use stillpoint_geometry::{Se3, Vec3};
 
-/// Walks at 0.5 m/s across the view.
+/// Walking speed across the view, m/s.
 const SPEED: f64 = 0.5;
 
-/// Median error of the speed over three seconds, m/s, of one who puts out one arm after the other by a part of his width, once in a second.
+/// Median speed error over three seconds, m/s, of a person who alternately stretches out both arms by a share of the
+/// box width, once per second.
 fn speed_error(arms: f64, path: fn(f64) -> Se3) -> f64 {
     let walker = Walker::new(|t| Vec3::new(-0.75 + SPEED * t, 0.1, 2.6));
     let world = World::new(vec![walker], path);

@@ -1,10 +1,9 @@
-//! A small world for the tracker: ellipsoids that walk in a room, a camera that moves, and a detector with faults.
+//! A simulated world for the tracker: walking ellipsoids in a room, a moving camera, and a detector with faults.
 
 use stillpoint_detection::{BoundingBox, ClassId, Detection, Detections};
 use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec2, Vec3, so3};
 use stillpoint_imaging::{CoarseDepth, DepthImage, FrameId};
 
-/// Frames per second.
 pub(crate) const RATE: f64 = 30.0;
 
 /// Uniform in 0..1 from a seed and an address (splitmix64).
@@ -19,12 +18,11 @@ pub(crate) fn uniform(seed: u64, address: [u64; 3]) -> f64 {
     (x >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// About normal: the sum of twelve uniform numbers.
+/// Approximately normal: the sum of twelve uniform numbers.
 pub(crate) fn normal(seed: u64, [a, b]: [u64; 2]) -> f64 {
     (0..12).map(|i| uniform(seed, [a, b, i + 100])).sum::<f64>() - 6.0
 }
 
-/// 640x480 without distortion.
 pub(crate) fn pinhole() -> Camera {
     Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5])
 }
@@ -43,10 +41,10 @@ pub(crate) fn distorted() -> Camera {
     }
 }
 
-/// Somebody: an ellipsoid whose middle is at `path(t)`.
+/// A person: an ellipsoid centred at `path(t)`.
 pub(crate) struct Walker {
     pub(crate) path: Box<dyn Fn(f64) -> Vec3>,
-    /// Size in life size: 1 is 1.7 m high.
+    /// Size relative to 1.7 m height.
     pub(crate) scale: f64,
 }
 
@@ -88,12 +86,11 @@ impl Walker {
     }
 }
 
-/// A room of 10 x 4 x 10 m around the origin with people in it.
+/// A room of 10 x 4 x 10 m around the origin, with people.
 pub(crate) struct World {
     pub(crate) camera: Camera,
     pub(crate) walkers: Vec<Walker>,
     pub(crate) path: Box<dyn Fn(f64) -> Se3>,
-    /// Whether the sensor has depth at all.
     pub(crate) with_depth: bool,
 }
 
@@ -117,7 +114,7 @@ impl World {
         (self.path)(t)
     }
 
-    /// Where a walker is in the raw image, and the share of it that nobody hides; `None` when less than a third of it is in the image.
+    /// A walker's box in the raw image and visible share; `None` when less than a third of it is in the image.
     pub(crate) fn truth(&self, n: usize, t: f64) -> Option<(BoundingBox, f64)> {
         let pose = self.pose(t);
         let inverse = pose.inverse();
@@ -129,7 +126,7 @@ impl World {
                 return None;
             }
             let px = self.camera.project(&p);
-            // Outside the image the distortion's polynomial is not one to one.
+            // Outside the image the distortion is not one to one.
             let raw = if (px - Vec2::new(319.5, 239.5)).norm() < 420.0 {
                 self.camera.distort(px)
             } else {
@@ -160,7 +157,7 @@ impl World {
         })
     }
 
-    /// The box around what is seen of a walker, and its area in the image, px; `None` where less than 1500 px are.
+    /// The box of a walker's visible part and its area, px; `None` below 1500 px.
     pub(crate) fn shown(&self, n: usize, t: f64) -> Option<(BoundingBox, f64)> {
         const STEP: usize = 4;
         let pose = self.pose(t);
@@ -190,7 +187,6 @@ impl World {
             .filter(|b| b.1 >= 1500.0)
     }
 
-    /// What the depth camera sees, at the resolution of the cells.
     pub(crate) fn depth(&self, t: f64) -> CoarseDepth {
         if !self.with_depth {
             return CoarseDepth::default();
@@ -226,16 +222,15 @@ impl World {
     }
 }
 
-/// A detector's faults.
 pub(crate) struct Faults {
     pub(crate) seed: u64,
     /// Standard deviation of each side as a share of the box's size.
     pub(crate) jitter: f64,
-    /// Probability that a walker is missed in a frame.
+    /// Probability of a missed walker per frame.
     pub(crate) drop: f64,
-    /// Whether walkers are missed in a frame for certain.
+    /// Frames in which all walkers are missed.
     pub(crate) gap: fn(u64) -> bool,
-    /// Probability that there is one more box, somewhere.
+    /// Probability of a false alarm per frame.
     pub(crate) false_alarms: f64,
 }
 
@@ -252,7 +247,7 @@ impl Default for Faults {
 }
 
 impl Faults {
-    /// The detections of a frame. A person of whom others hide 40 % is not found.
+    /// The detections of a frame. People hidden by 40 % or more are not detected.
     pub(crate) fn detect(&self, world: &World, frame: u64) -> Detections {
         let t = frame as f64 / RATE;
         let mut items = Vec::new();
@@ -295,7 +290,6 @@ impl Faults {
     }
 }
 
-/// A detected person.
 pub(crate) fn person(bounds: BoundingBox) -> Detection {
     Detection {
         class: ClassId::PERSON,

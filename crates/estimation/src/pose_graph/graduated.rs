@@ -1,15 +1,15 @@
-//! Levenberg-Marquardt in stages, from loops that are believed to loops that have to fit.
+//! Levenberg-Marquardt with graduated gates for loops.
 
 use super::system::{Gates, Structure, System, chi2};
 use super::{EdgeFit, EdgeKernel, PoseGraph, PoseGraphOptions, PoseGraphOutcome, PoseGraphReport};
 use stillpoint_geometry::Se3;
 
-/// Gain below which a stage before the last one ends, a share of the cost: the next stage moves everything again. Chosen: a thousand times that of
-/// the last stage (1e-6).
+/// Relative gain below which a stage before the last one ends, a share of the cost, since the next stage moves
+/// everything again. Chosen: a thousand times that of the last stage (1e-6).
 const STAGE_GAIN: f64 = 1e-3;
 
-/// Dampings that are tried for one linear system, a number. Chosen: eight lead from the least, 1e-9, by tens from 1e-4 on, to 100, where a step
-/// hardly moves anything.
+/// Maximum number of dampings per linear system. Chosen: eight lead from the least, 1e-9, by tens from 1e-4 on, to 100,
+/// where a step hardly moves anything.
 const TRIALS: usize = 8;
 
 pub(super) fn minimise(
@@ -64,7 +64,7 @@ pub(super) fn minimise(
     }
 }
 
-/// The gates of loops, from the largest residual down to the gate.
+/// The gates of loops, from the largest residual down to the final gate.
 fn stages(graph: &PoseGraph, gate: f64, factor: f64) -> Vec<f64> {
     let loops = graph
         .edges
@@ -76,7 +76,7 @@ fn stages(graph: &PoseGraph, gate: f64, factor: f64) -> Vec<f64> {
     let mut stages = Vec::new();
     while scaled > gate && factor > 1.0 {
         stages.push(scaled);
-        // Factors near one would make stages without end.
+        // Factors near one would give endless stages.
         scaled /= factor.max(1.25);
     }
     stages.push(gate);
@@ -94,7 +94,6 @@ fn cost(graph: &PoseGraph, nodes: &[Se3], gates: Gates) -> f64 {
 
 struct Run<'a> {
     structure: &'a Structure,
-    /// Iterations that are left.
     left: usize,
     done: usize,
 }

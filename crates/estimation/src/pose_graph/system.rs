@@ -10,14 +10,13 @@ pub(super) fn residual(edge: &PoseGraphEdge, a: &Se3, b: &Se3) -> Vec6 {
     (a.inverse() * *b * edge.a_from_b.inverse()).log()
 }
 
-/// Squared Mahalanobis residual.
 pub(super) fn chi2(edge: &PoseGraphEdge, a: &Se3, b: &Se3) -> f64 {
     let e = residual(edge, a, b);
     e.dot(&(edge.information * e)).max(0.0)
 }
 
-/// Derivatives of the residual by right perturbations of both poses, `T exp(d)`. With `E = exp(e)`,
-/// `e' = log(exp(-d_a) E exp(Ad_z d_b))`.
+/// Derivatives of the residual by right perturbations of both poses, `T exp(d)`. With `E = exp(e)`, `e' = log(exp(-d_a)
+/// E exp(Ad_z d_b))`.
 pub(super) fn jacobians(edge: &PoseGraphEdge, e: &Vec6) -> (Mat6, Mat6) {
     (
         -left_jacobian_inverse(e),
@@ -25,7 +24,7 @@ pub(super) fn jacobians(edge: &PoseGraphEdge, e: &Vec6) -> (Mat6, Mat6) {
     )
 }
 
-/// Gates of the kernels, squared.
+/// Squared gates of the kernels.
 #[derive(Clone, Copy)]
 pub(super) struct Gates {
     pub(super) huber: f64,
@@ -55,7 +54,7 @@ impl Gates {
     }
 }
 
-/// Where an edge goes in the system.
+/// Block indices of an edge in the system.
 struct EdgeSlots {
     a: Option<usize>,
     b: Option<usize>,
@@ -63,9 +62,8 @@ struct EdgeSlots {
     across: Option<(usize, bool)>,
 }
 
-/// Which poses are unknowns, and the pattern of their system.
+/// The unknown poses, and the sparsity pattern of their system.
 pub(super) struct Structure {
-    /// Per unknown: its pose.
     pub(super) free: Vec<u32>,
     pub(super) pattern: Pattern,
     places: Vec<EdgeSlots>,
@@ -155,7 +153,7 @@ impl<'a> System<'a> {
         system
     }
 
-    /// The damped step of each unknown; `None` when the system is not positive definite.
+    /// The damped step of each unknown; `None` if the system is not positive definite.
     pub(super) fn solve(&self, lambda: f64) -> Option<Vec<Vec6>> {
         let mut values = self.values.clone();
         for &at in &self.structure.diagonal {
@@ -187,7 +185,7 @@ mod tests {
     }
 
     proptest! {
-        /// Against central differences, for residuals up to a third of a turn.
+        /// Compared with central differences, for residuals up to a third of a turn.
         #[test]
         fn jacobians_are_the_derivatives(a in twist(2.0), z in twist(1.5), e in twist(1.1)) {
             let a = Se3::exp(&a);

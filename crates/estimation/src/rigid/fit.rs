@@ -1,4 +1,4 @@
-//! How well a rigid motion fits pairs in both images, and the motion that fits them best.
+//! Fit of a rigid motion to pairs in both images.
 
 use super::{RigidPair, both_ways};
 use crate::linearise::{Linearised, by_world_point, linearise};
@@ -21,7 +21,7 @@ struct Normal {
 }
 
 impl Fit<'_> {
-    /// Squared residuals divided by their gates, the larger one of both images.
+    /// Squared residual divided by its gate, the larger one of both images.
     fn ratio(&self, motion: &(Mat3, Vec3), p: &RigidPair) -> f64 {
         let (in_b, in_a) = both_ways(motion, p);
         let ratio =
@@ -29,7 +29,7 @@ impl Fit<'_> {
         ratio(&p.measurement_b, &in_b).max(ratio(&p.measurement_a, &in_a))
     }
 
-    /// One for each pair that fits perfectly, falling to zero at the gate.
+    /// Sum over pairs: 1 for a perfect fit, falling to zero at the gate.
     pub(super) fn score(&self, b_from_a: &Se3) -> f64 {
         let motion = (b_from_a.rotation_matrix(), b_from_a.translation);
         let mut sum = 0.0;
@@ -43,20 +43,20 @@ impl Fit<'_> {
         self.agreeing(b_from_a, 1.0)
     }
 
-    /// Pairs within their gates when those are opened by a factor.
+    /// Pairs within their gates opened by a factor.
     pub(super) fn agreeing(&self, b_from_a: &Se3, opening: f64) -> Vec<bool> {
         let motion = (b_from_a.rotation_matrix(), b_from_a.translation);
         let within = |p: &RigidPair| self.ratio(&motion, p) <= opening;
         self.pairs.iter().map(within).collect()
     }
 
-    /// About the standard deviation of both positions of a pair together, m.
+    /// Approximate combined standard deviation of both positions of a pair, m.
     pub(super) fn sigma_m(&self, p: &RigidPair) -> f64 {
         let sigma = |m: &Measurement, z: f64| {
             let along = if m.has_depth() {
                 z * z / m.inverse_depth_weight.sqrt()
             } else {
-                // Without a depth of its own the position is a landmark's; it is taken to be good to two per cent.
+                // Without depth the position is a landmark's, assumed accurate to two per cent.
                 0.02 * z
             };
             along + z / (self.camera.fx * m.pixel_weight.sqrt())
@@ -99,14 +99,14 @@ impl Fit<'_> {
         pose.is_finite().then(|| pose.normalized())
     }
 
-    /// The information of a motion on its inliers, and the factor by which it was lowered. With the gradient `g` of each pair,
-    /// `sum g g^T` is what `sum J^T W J` promises when the residuals are as large as the measurements say and independent;
-    /// the mean ratio of the two (White, Econometrica 1980, as one factor) holds for points of any origin.
+    /// The information of a motion from its inliers, and the factor by which it was reduced. With the gradient `g` of
+    /// each pair, `sum g g^T` equals `sum J^T W J` in expectation if residuals are independent and of the stated size;
+    /// the mean ratio of the two (White, Econometrica 1980, as one factor) is valid for points of any origin.
     pub(super) fn information(&self, pose: &Se3, active: &[bool]) -> Option<(Mat6, f64)> {
         let n = active.iter().filter(|a| **a).count() as f64;
         let normal = self.accumulate(pose, active);
         let factor = normal.h.cholesky()?.solve(&normal.outer).trace() / 6.0;
-        // Six numbers were fitted to the pairs.
+        // Six parameters were fitted to the pairs.
         let factor = (factor * n / (n - 6.0).max(1.0)).max(1.0);
         let information = normal.h / factor;
         let finite = information.iter().all(|v| v.is_finite());
@@ -131,7 +131,7 @@ impl Fit<'_> {
             ] {
                 let gate = m.gate() * self.gate_scale;
                 if q.z <= 1e-3 {
-                    // A point behind the camera costs what the farthest inlier costs and does not pull.
+                    // A point behind the camera costs as much as a point at the gate, and has no gradient.
                     normal.cost += gate;
                     continue;
                 }
@@ -189,7 +189,7 @@ mod tests {
     };
 
     proptest! {
-        /// The prediction in A, differentiated by the motion from A to B, against central differences.
+        /// The prediction in A, differentiated by the motion from A to B, compared with central differences.
         #[test]
         fn derivative_of_the_way_back(twist in prop::array::uniform6(-0.8..0.8f64), x in -0.5..0.5f64, y in -0.4..0.4f64, z in 0.5..6.0f64) {
             let b_from_a = Se3::exp(&Vec6::from(twist));

@@ -75,7 +75,7 @@ unsafe fn moments_kernel(image: &GrayImage, x: usize, y: usize) -> (i32, i32) {
         let weighted = _mm256_mul_epi32(difference, _mm256_set1_epi64x(v as i64));
         m01 = _mm256_add_epi64(m01, weighted);
     }
-    // The low half of a quad word sum is the sum modulo 2^32; the high halves are left out.
+    // The low half of a quad word sum is the sum modulo 2^32.
     let low = _mm256_and_si256(m01, _mm256_set1_epi64x(0xffff_ffff));
     (horizontal_sum(m10), horizontal_sum(low))
 }
@@ -112,7 +112,7 @@ pub(crate) fn describe(
     unsafe { compare(window, &indices) }
 }
 
-/// Writes the indices of the rotated points; returns the least and the greatest one.
+/// Writes the indices of the rotated points; returns the smallest and the largest.
 #[target_feature(enable = "avx2")]
 fn rotate(
     xs: &[f32; 512],
@@ -135,7 +135,7 @@ fn rotate(
         };
         let column = _mm256_sub_ps(_mm256_mul_ps(x, cos), _mm256_mul_ps(y, sin));
         let row = _mm256_add_ps(_mm256_mul_ps(x, sin), _mm256_mul_ps(y, cos));
-        // The conversion rounds halves to even, which is the mode that Rust guarantees.
+        // The conversion rounds halves to even, the mode that Rust guarantees.
         let (column, row) = (_mm256_cvtps_epi32(column), _mm256_cvtps_epi32(row));
         let offset = _mm256_add_epi32(_mm256_mullo_epi32(row, stride), column);
         let index = _mm256_add_epi32(offset, centre);
@@ -160,7 +160,7 @@ fn rotate(
 /// All `indices` are inside `window`.
 #[target_feature(enable = "avx2")]
 unsafe fn compare(window: &[u8], indices: &[i32; 512]) -> Descriptor {
-    // Collecting the samples first leaves nothing but loads and stores in the hot loop; the comparisons are then 32 at a time.
+    // Collecting the samples first leaves only loads and stores in the hot loop; the comparisons are then 32 at a time.
     let mut samples = [0_u8; 512];
     for (sample, &index) in samples.iter_mut().zip(indices) {
         // SAFETY: the caller promises that the index is inside.
@@ -170,7 +170,7 @@ unsafe fn compare(window: &[u8], indices: &[i32; 512]) -> Descriptor {
     for block in 0..8 {
         // SAFETY: the second load ends at 256 + 7 * 32 + 32 = 512, the length of the array.
         let (a, b) = unsafe { (load(&samples, 32 * block), load(&samples, 256 + 32 * block)) };
-        // Bytes where the first is not darker: the smaller of both is the second.
+        // Bytes where the first is not darker: the minimum is the second.
         let not_darker = _mm256_cmpeq_epi8(_mm256_min_epu8(a, b), b);
         let bits = !_mm256_movemask_epi8(not_darker) as u32;
         words[block / 2] |= u64::from(bits) << (32 * (block % 2));

@@ -57,7 +57,7 @@ unsafe fn score_row(
     }
 }
 
-/// Scores of 32 pixels, 0 where they are not above the threshold.
+/// Scores of 32 pixels, 0 if not above the threshold.
 ///
 /// # Safety
 /// `index + offset + 32` is inside `data` for each offset.
@@ -90,7 +90,7 @@ unsafe fn score_block(
     let both = |a: (__m256i, __m256i), b: (__m256i, __m256i)| {
         (_mm256_min_epu8(a.0, b.0), _mm256_max_epu8(a.1, b.1))
     };
-    // Nine adjacent pixels of 16 hold at least one of any two opposite ones, so these bound the score.
+    // Nine adjacent pixels of 16 contain at least one of any two opposite ones, so these bound the score.
     let bound = both(pair(0), pair(4));
     if none_above(above(bound.0, bound.1)) {
         return _mm256_setzero_si256();
@@ -100,7 +100,8 @@ unsafe fn score_block(
         return _mm256_setzero_si256();
     }
     let circle: [__m256i; 16] = std::array::from_fn(at);
-    // Extremes over two, four, eight pixels that start at odd places; an arc of nine adds the pixel before or after the eight.
+    // Extremes over two, four, eight pixels that start at odd indices; an arc of nine adds the pixel before or after
+    // the eight.
     let two: [_; 8] = std::array::from_fn(|i| {
         let (a, b) = (circle[2 * i + 1], circle[(2 * i + 2) % 16]);
         (_mm256_min_epu8(a, b), _mm256_max_epu8(a, b))

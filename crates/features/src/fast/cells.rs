@@ -1,9 +1,9 @@
-//! Cells in which weak corners are looked for where there is no strong one.
+//! Cells that use the low threshold if they have no strong corner.
 
 use super::{Corner, FastOptions};
 
-/// Side of a cell that is searched with the low threshold when the other finds nothing, px. Chosen: near the 30 px of ORB-SLAM2 (Mur-Artal, Tardos
-/// 2017).
+/// Side of a cell that is searched with the low threshold if the other finds nothing, px. Chosen: near the 30 px of
+/// ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const CELL: usize = 32;
 
 /// Cells of equal size, as near to [`CELL`] as the image allows, over the searched rectangle.
@@ -14,8 +14,8 @@ pub(super) struct Cells {
     width: usize,
     pub(super) height: usize,
     strong: Vec<bool>,
-    /// For each column of the image the score that corners must exceed in the present row of cells: once a cell has a strong corner, weak ones are
-    /// of no use.
+    /// For each image column the score that corners must exceed in the current row of cells: once a cell has a strong
+    /// corner, weak ones are ignored.
     pub(super) thresholds: Vec<u8>,
 }
 

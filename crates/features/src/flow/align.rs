@@ -1,6 +1,4 @@
-//! Alignment of one window at one level.
-//!
-//! Answers: which displacement and change of brightness make a window of one image most like that of another. Knows one scale only.
+//! Alignment of one window at one level: displacement and change of brightness between two images.
 
 use stillpoint_imaging::{GrayImage, Simd};
 
@@ -9,13 +7,12 @@ use super::{
     patch::{DifferenceSums, GradientSums, Template, WindowPlace},
 };
 
-/// What became of a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Outcome<T> {
     Found(T),
-    /// The search ran off, or its end does not hold: another start may do better.
+    /// The search diverged, or its result is rejected: another start may do better.
     Lost,
-    /// The window itself is at the border or has no texture: no start can help.
+    /// The window is at the border or has no texture: no start can help.
     Untrackable,
 }
 
@@ -28,29 +25,26 @@ impl<T> Outcome<T> {
     }
 }
 
-/// From where and how finely to search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Start {
-    /// The window's expected centre, px of the level.
+    /// Predicted centre of the window, px of the level.
     pub(crate) position: [f32; 2],
-    /// How much brighter it is expected to be, grey levels.
+    /// Predicted brightness change, grey levels.
     pub(crate) brightness: f32,
     /// A step shorter than this ends the search, px.
     pub(crate) epsilon: f32,
 }
 
-/// Where the window was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Aligned {
-    /// Its centre, px of the level.
+    /// Centre of the window, px of the level.
     pub(crate) position: [f32; 2],
-    /// How much brighter it is there, grey levels.
+    /// Brightness change, grey levels.
     pub(crate) brightness: f32,
-    /// Mean absolute difference beyond that, grey levels.
+    /// Remaining mean absolute difference, grey levels.
     pub(crate) residual: f32,
 }
 
-/// Aligns windows, with its buffer.
 #[derive(Clone, Debug)]
 pub(crate) struct Aligner {
     template: Template,
@@ -69,9 +63,10 @@ impl Aligner {
         }
     }
 
-    /// Moves the window of the second image from `start` until it looks like that around `point` (px) of the first.
+    /// Moves the window of the second image from `start` until it matches that around `point` (px) of the first.
     ///
-    /// Gauss-Newton with the gradients of the first image, which stay the same, so that a step costs one comparison of both windows.
+    /// Gauss-Newton with the constant gradients of the first image, so that a step costs one comparison of both
+    /// windows.
     pub(crate) fn align(
         &mut self,
         (first, second): (&GrayImage, &GrayImage),
@@ -104,7 +99,7 @@ impl Aligner {
             if length(step) < epsilon {
                 break;
             }
-            // A step that takes back the one before goes round in circles: the middle is the best guess.
+            // A step that reverses the previous one oscillates: take the middle.
             if length([step[0] + last[0], step[1] + last[1]]) < epsilon {
                 position[0] -= 0.5 * step[0] as f32;
                 position[1] -= 0.5 * step[1] as f32;
@@ -115,7 +110,7 @@ impl Aligner {
                 position[0] - start.position[0],
                 position[1] - start.position[1],
             ];
-            // More than a window away, nothing of what the start pointed at is left in view.
+            // More than a window away, nothing of the start's surroundings is left in view.
             if run[0] * run[0] + run[1] * run[1] > (side * side) as f32 {
                 return Outcome::Lost;
             }
@@ -128,12 +123,12 @@ impl Aligner {
     }
 }
 
-/// A brightness in 1/64 grey level, in the range that the kernels take.
+/// A brightness in 1/64 grey level, in the range of the kernels.
 fn offset_of(value: f64) -> i16 {
     value.clamp(-16320.0, 16320.0) as i16
 }
 
-/// The inverse of the normal equations of displacement and brightness.
+/// Inverse normal equations of displacement and brightness.
 struct Normal {
     /// xx, xy and yy of the inverse, for differences in 1/16 grey level and gradients in 1/8 grey level per px.
     inverse: [f64; 3],
@@ -144,7 +139,8 @@ struct Normal {
 }
 
 impl Normal {
-    /// `None` when the smallest eigenvalue of the mean product of the gradients (less their mean) is not above `min_eigenvalue`, (grey levels / px)^2.
+    /// `None` if the smallest eigenvalue of the mean product of the gradients (less their mean) is not above
+    /// `min_eigenvalue`, (grey levels / px)^2.
     fn new(sums: &GradientSums, count: usize, min_eigenvalue: f64) -> Option<Self> {
         let weight = 1.0 / count as f64;
         let (x, y) = (f64::from(sums.x), f64::from(sums.y));
@@ -167,7 +163,7 @@ impl Normal {
         })
     }
 
-    /// The step, px, and how much brighter the second window is than assumed, 1/64 grey level.
+    /// The step, px, and the brightness correction, 1/64 grey level.
     fn step(&self, sums: &DifferenceSums) -> ([f64; 2], f64) {
         let e = f64::from(sums.e);
         let bx = f64::from(sums.gx_e) - self.mean[0] * e;

@@ -6,29 +6,31 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FlowConfig {
-    /// Radius of the square window, px of each scale, 2..=7: the side is `2 radius + 1`. On real frames 7 finds 3 % more points than 5, with a
-    /// third fewer that are wrong by a pixel, and a row still fits a vector.
+    /// Radius of the square window, px of each scale, 2..=7: the side is `2 radius + 1`. On real frames 7 finds 3 %
+    /// more points than 5, with a third fewer errors above a pixel, and a row still fits a vector.
     pub radius: usize,
-    /// Number of scales searched, 1..=16. Four reach motions of about 20 px.
+    /// Number of scales, 1..=16. Four reach motions of about 20 px.
     pub levels: usize,
-    /// The scales are every `level_step`-th level of the pyramid, 1..=8; where it ends, halves of the last one follow. Four levels of 1.2 make about a half
-    /// too, which the window bridges.
+    /// The scales are every `level_step`-th level of the pyramid, 1..=8; beyond its end, halves of the last one follow.
+    /// Four levels of 1.2 make about a half too, which the window bridges.
     pub level_step: usize,
-    /// Steps per scale at most, 1..=100. Three to five are usual; what needs more than ten oscillates.
+    /// Maximum number of steps per scale, 1..=100. Three to five are usual; above ten the search oscillates.
     pub iterations: usize,
-    /// A step shorter than this ends the search at level 0, px, above 0. Below 0.02 px noise decides.
+    /// A step shorter than this ends the search at level 0, px, above 0. Below 0.02 px noise dominates.
     pub epsilon: f32,
-    /// Largest distance between a point and its return from the current image, px, above 0. Halving it costs 2 % of the points and makes the rest
-    /// hardly better.
+    /// Maximum distance between a point and its return from the current image, px, above 0. Halving it costs 2 % of the
+    /// points and hardly improves the rest.
     pub forward_backward: f32,
-    /// Largest mean absolute difference of both windows, grey levels, above 0. On real frames 12 loses 4 % more points than 18, in motion blur
-    /// above all, and 30 keeps 1 % more, worse ones.
+    /// Maximum mean absolute difference of both windows, grey levels, above 0. On real frames 12 loses 4 % more points
+    /// than 18, mainly in motion blur, and 30 keeps 1 % more, worse ones.
     pub max_residual: f32,
-    /// Smallest eigenvalue of the window's mean gradient product, (grey levels / px)^2, at least 0. Below, the window has no texture across some
-    /// direction, and the position along it follows the noise: with noise of 2 grey levels a value of 1 leaves 0.13 px.
+    /// Minimum eigenvalue of the window's mean gradient product, (grey levels / px)^2, at least 0. Below it, the window
+    /// has no texture in some direction, and the position along it follows the noise: with noise of 2 grey levels a
+    /// value of 1 leaves 0.13 px.
     pub min_eigenvalue: f32,
-    /// How far a guess may be from the truth, px, at least 0: the search starts at the finest scale on which that is half a radius. Up to 3.5 px that is
-    /// level 0, which takes less than half of the time. Points that move otherwise than the guess says fall back to all scales.
+    /// Maximum error of a guess, px, at least 0: the search starts at the finest scale on which that is half a radius.
+    /// Up to 3.5 px that is level 0, which takes less than half of the time. Points that this misses fall back to all
+    /// scales.
     pub guess_error: f32,
 }
 
@@ -49,7 +51,7 @@ impl Default for FlowConfig {
 }
 
 impl FlowConfig {
-    /// Every value out of range, as `field: expected, found`; empty when all is well.
+    /// Every value out of range, as `field: expected, found`.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();

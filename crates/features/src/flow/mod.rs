@@ -1,8 +1,8 @@
 //! Pyramidal Lucas-Kanade flow.
 //!
-//! Answers: where given points of one image are in the next one, to a fraction of a pixel, and for which of them there is no answer. Does not know
-//! which points move by themselves. The method is that of Bouguet, "Pyramidal implementation of the Lucas Kanade feature tracker" (2000),
-//! on whatever pyramid there is, with an unknown change of brightness per window (Shi and Tomasi, CVPR 1994, without the affine part).
+//! Tracks given points from one image to the next with subpixel accuracy. The method is that of Bouguet, "Pyramidal
+//! implementation of the Lucas Kanade feature tracker" (2000), on the feature pyramid, with an unknown change of
+//! brightness per window (Shi and Tomasi, CVPR 1994, without the affine part).
 
 mod align;
 mod config;
@@ -15,25 +15,25 @@ use align::{Aligned, Aligner, Outcome, Start};
 use scales::Scales;
 use stillpoint_imaging::{Pyramid, Simd, workers};
 
-/// Points that are tracked together, at least: some 50 us of work (the flow of a frame takes 0.71 ms, decision 38). Chosen: less is not worth a
-/// thread.
+/// Minimum number of points per thread: some 50 us of work (the flow of a frame takes 0.71 ms, decision 38). Chosen:
+/// less is not worth a thread.
 const TRACKED_TOGETHER: usize = 60;
-/// A step shorter than this ends a coarse scale, px of it: the next finer one goes on from there. Chosen: that is 0.2 px of a next scale of twice the
-/// size, which a step makes good.
+/// A step shorter than this ends a coarse scale, px of it: the next finer one continues from there. Chosen: that is 0.2
+/// px of a next scale of twice the size, which one step corrects.
 const COARSE_EPSILON: f32 = 0.1;
 
-/// Where a point is in the current image.
+/// A point tracked to the current image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlowMatch {
     /// Position in the current image (level 0, as recorded), px; pixel centres are at integers.
     pub position: [f32; 2],
-    /// Mean absolute difference of both windows at level 0 after taking away the difference of their brightness, grey levels.
+    /// Mean absolute difference of both windows at level 0 after brightness correction, grey levels.
     pub residual: f32,
-    /// Distance between the point and where the flow from the current image back to the previous one ends, px.
+    /// Forward-backward error: distance between the point and the result of tracking back to the previous image, px.
     pub forward_backward: f32,
 }
 
-/// Tracks points from one image to the next. Its buffers are reused.
+/// Tracks points from one image to the next, reusing buffers.
 #[derive(Clone, Debug)]
 pub struct Flow {
     config: FlowConfig,
@@ -44,7 +44,7 @@ pub struct Flow {
 }
 
 impl Flow {
-    /// A tracker. Values of `config` out of range (see [`FlowConfig::problems`]) are brought into range.
+    /// A tracker. Values of `config` out of range (see [`FlowConfig::problems`]) are clamped.
     #[must_use]
     pub fn new(config: FlowConfig, simd: Simd) -> Self {
         let mut config = config;
@@ -60,13 +60,15 @@ impl Flow {
         }
     }
 
-    /// Finds `points` (px in level 0 of `previous`) in `current`; entry `i` of `out` belongs to point `i`. What `out` held is replaced.
+    /// Tracks `points` (px in level 0 of `previous`) to `current`; entry `i` of `out` belongs to point `i`. Replaces
+    /// the contents of `out`.
     ///
-    /// `guesses` are expected positions in `current`, one per point: the search then starts at the scale that [`FlowConfig::guess_error`]
-    /// asks for, and falls back to all scales where that fails. A missing guess is the point itself, of unknown error.
+    /// `guesses` are predicted positions in `current`, one per point: the search then starts at the scale given by
+    /// [`FlowConfig::guess_error`], and falls back to all scales if that fails. A missing guess is the point itself, of
+    /// unknown error.
     ///
-    /// `None` when the window leaves an image, has too little texture, looks different at the end, or does not find its way back. Pyramids
-    /// of images that differ in size give nothing.
+    /// `None` if the window leaves an image, has too little texture, looks different at the end, or fails the
+    /// forward-backward check. Pyramids of images of different size give nothing.
     pub fn track(
         &mut self,
         previous: &Pyramid,
@@ -98,8 +100,8 @@ impl Flow {
         self.track_all((previous, current), points.len(), out, track);
     }
 
-    /// The same for points whose guesses are right or of no interest: looks on the finest scale only, within half a window of them.
-    /// A point without a guess is looked for at its own place.
+    /// Likewise with accurate guesses: searches on the finest scale only, within half a window. A point without a guess
+    /// is searched at its own position.
     pub fn look(
         &mut self,
         previous: &Pyramid,
@@ -120,7 +122,7 @@ impl Flow {
         self.track_all((previous, current), points.len(), out, look);
     }
 
-    /// Tracks so many points, which are shared among [`Workers`](stillpoint_imaging::Workers).
+    /// Tracks `count` points, shared among [`Workers`](stillpoint_imaging::Workers).
     fn track_all(
         &self,
         pair: (&Pyramid, &Pyramid),
@@ -142,7 +144,7 @@ impl Flow {
         });
     }
 
-    /// How many scales are needed for a start that is wrong by up to `error` px: a step reaches about half a radius.
+    /// Number of scales needed for a start with an error of up to `error` px: a step reaches about half a radius.
     fn levels_for(&self, error: f32) -> usize {
         let reach = 0.5 * self.config.radius as f32;
         let enough = |&i: &usize| error <= reach * self.new.scale(i);
@@ -151,8 +153,8 @@ impl Flow {
             .map_or(self.new.len(), |i| i + 1)
     }
 
-    /// Moves a pair of positions, and both alike, so that their windows are inside images of this size: near the border the motion of the
-    /// window beside it is a better start than none. Returns them and the move.
+    /// Moves both positions equally so that their windows are inside images of this size: near the border the motion of
+    /// the adjacent window is a better start than none. Returns them and the shift.
     fn inwards(&self, from: [f32; 2], to: [f32; 2], size: (usize, usize)) -> [[f32; 2]; 3] {
         // The window, its gradients, the interpolation, and room to move.
         let margin = (self.config.radius + 4) as f32;
@@ -169,7 +171,7 @@ impl Flow {
     }
 }
 
-/// Looks for points of one image in another, one after the other, with a buffer of its own.
+/// Tracks points sequentially, with its own buffer.
 struct Seeker<'a> {
     flow: &'a Flow,
     previous: &'a Pyramid,
@@ -191,13 +193,13 @@ impl Seeker<'_> {
             Outcome::Lost => return Outcome::Lost,
             Outcome::Untrackable => return Outcome::Untrackable,
         };
-        // A comparison that a NaN does not pass.
+        // NaN does not pass.
         let passes = |value: f32, limit: f32| value <= limit;
         if !passes(forward.residual, config.max_residual) {
             return Outcome::Lost;
         }
         let (old, new) = (self.previous.level(0), self.current.level(0));
-        // On the finest scale and from the point itself: a right match is there already, a wrong one walks away.
+        // On the finest scale from the point itself: a correct match stays there, a wrong one moves away.
         let back = self.aligner.align(
             (new, old),
             forward.position,
@@ -238,7 +240,7 @@ impl Seeker<'_> {
                 epsilon: epsilon.max(COARSE_EPSILON),
             };
             let found = self.aligner.align(images, from, start);
-            // A coarse window that runs off or has no texture says nothing: the finer ones go on from where they are.
+            // A coarse window that fails is skipped; the finer ones continue from the last position.
             if let Outcome::Found(aligned) = found {
                 let [x, y] = aligned.position;
                 position = new.to_base(i, [x - shift[0], y - shift[1]]);

@@ -1,11 +1,11 @@
-//! Windows of grey values in whole numbers: sampling, gradients, and the sums that a step of the flow needs.
+//! Windows of grey values in integers: sampling, gradients, and the sums for a step of the flow.
 //!
-//! Answers: what the window around a position looks like, and how another one differs from it. Everything is exact integer arithmetic, so
-//! the order of the sums does not matter and every instruction set gives the same bits. Does not know pyramids or iterations.
+//! All arithmetic is exact, so the order of the sums does not matter and every instruction set gives the same bits.
 
 use stillpoint_imaging::{GrayImage, Simd};
 
-/// Columns of a window that are computed together; those beyond its side count as nothing. The power of two above [`MAX_SIDE`].
+/// Number of window columns that are computed together; those beyond its side are masked. The power of two above
+/// [`MAX_SIDE`].
 pub(crate) const LANES: usize = 16;
 
 /// Largest side of a window, px: that of the largest radius that `FlowConfig` allows, 7.
@@ -25,7 +25,8 @@ pub(crate) struct Template {
     pub(crate) columns: Row,
     /// Grey values, 1/64 grey level; unspecified outside the columns in use.
     pub(crate) gray: [Row; MAX_SIDE],
-    /// Horizontal gradient, 1/8 grey level per px, from central differences; 0 outside the columns in use. At most 1020, so that no sum overflows.
+    /// Horizontal gradient, 1/8 grey level per px, from central differences; 0 outside the columns in use. At most
+    /// 1020, so that no sum overflows.
     pub(crate) gx: [Row; MAX_SIDE],
     /// Vertical gradient, likewise.
     pub(crate) gy: [Row; MAX_SIDE],
@@ -51,7 +52,7 @@ pub(crate) struct DifferenceSums {
     pub(crate) abs_e: i32,
 }
 
-/// A window's place in an image, in whole pixels and fractions of 2^-15 px.
+/// A window's position in an image, in whole pixels and fractions of 2^-15 px.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct WindowPlace {
     /// Index of the pixel at or before the window's upper left corner.
@@ -61,7 +62,7 @@ pub(crate) struct WindowPlace {
 }
 
 impl WindowPlace {
-    /// The window of `side` px around (x, y); `None` unless it is inside `image` with all pixels that its gradients need.
+    /// The window of `side` px around (x, y); `None` unless all pixels needed for its gradients are inside `image`.
     pub(crate) fn new(image: &GrayImage, x: f32, y: f32, side: usize) -> Option<Self> {
         // One pixel more on each side for the gradients, and one for the interpolation.
         let margin = (side / 2 + 1) as f32;
@@ -69,7 +70,7 @@ impl WindowPlace {
         if !(inside(x, image.width()) && inside(y, image.height())) {
             return None;
         }
-        // Positive values: the conversion to whole numbers rounds down.
+        // Positive, so the conversion rounds down.
         let (left, top) = (x as usize, y as usize);
         let fraction = |v: f32, whole: usize| ((v - whole as f32) * 32768.0) as i16;
         Some(Self {
@@ -79,7 +80,8 @@ impl WindowPlace {
         })
     }
 
-    /// Whether rows of 16 pixels (and 2 more on the right) around a window at this place are inside the data, for kernels that load that much.
+    /// Whether rows of 16 pixels (and 2 more on the right) around a window at this position are inside the data, for
+    /// vector kernels.
     #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
     fn has_whole_rows(&self, image: &GrayImage, side: usize) -> bool {
         self.index + (side + 1) * image.width() + LANES + 2 <= image.data().len()
@@ -87,7 +89,7 @@ impl WindowPlace {
 }
 
 impl Template {
-    /// An empty one for windows of `2 radius + 1` px; at most [`MAX_SIDE`].
+    /// An empty template for windows of `2 radius + 1` px; at most [`MAX_SIDE`].
     pub(crate) fn new(radius: usize) -> Self {
         let side = (2 * radius + 1).min(MAX_SIDE);
         let mut columns = Row::default();
@@ -101,7 +103,7 @@ impl Template {
         }
     }
 
-    /// Takes the window at `place` of `image`.
+    /// Samples the window at `place` of `image`.
     pub(crate) fn sample(
         &mut self,
         image: &GrayImage,
@@ -208,7 +210,7 @@ fn row<const N: usize>(data: &[u8], index: usize, fx: i16) -> [i16; N] {
     let from = |start: usize| &data[start..data.len().min(start + N)];
     let (a, b) = (from(index), from(index + 1));
     let pixel = |a: u8, b: u8| blend(i16::from(a) << 6, i16::from(b) << 6, fx);
-    // Where all are inside, a loop of known length is made of vectors.
+    // A loop of known length is vectorised.
     if let (Ok(a), Ok(b)) = (<&[u8; N]>::try_from(a), <&[u8; N]>::try_from(b)) {
         return std::array::from_fn(|x| pixel(a[x], b[x]));
     }
@@ -240,7 +242,7 @@ mod tests {
         let pixel = |i: usize| {
             let noise = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15 ^ kind.rotate_left(17));
             match kind % 3 {
-                // The largest contrasts that there are: sums must not overflow.
+                // The largest possible contrasts: sums must not overflow.
                 0 => 255 * (((i % width) / 2 + i / width / 2) % 2) as u8,
                 1 => (noise >> 56) as u8,
                 _ => 255 * (noise >> 63) as u8,
@@ -260,7 +262,7 @@ mod tests {
         ) {
             let (a, b) = (image(width, height, kinds.0), image(width, height, kinds.1));
             let side = 2 * radius + 1;
-            // From the first to the last position that is allowed, both included.
+            // All allowed positions, including the first and the last.
             let along = |t: f32, length: usize| {
                 let (low, high) = ((radius + 1) as f32, length as f32 - radius as f32 - 2.001);
                 (low + (high - low) * (1.2 * t - 0.1)).clamp(low, high)
@@ -289,7 +291,7 @@ mod tests {
         assert!(!inside(32.0, 23.0) && !inside(f32::NAN, 9.0) && !inside(9.0, f32::INFINITY));
     }
 
-    /// On the plane `v = 30 + 3 x + 2 y` everything is known.
+    /// On the plane `v = 30 + 3 x + 2 y` all values are known.
     #[test]
     fn a_plane_has_its_gradients_and_its_differences() {
         let plane = |i: usize| (30 + 3 * (i % 40) + 2 * (i / 40)) as u8;
@@ -306,10 +308,10 @@ mod tests {
             y: 49 * gy,
         };
         assert_eq!(sums, expected);
-        // The middle of the window is at the position asked for.
+        // The centre of the window is at the given position.
         let middle = f64::from(template.gray[3].0[3]) / 64.0;
         assert!((middle - (30.0 + 3.0 * 12.25 + 2.0 * 20.5)).abs() < 1.0 / 32.0);
-        // Half a pixel to the right the plane is 1.5 higher; an offset of 1.5 takes that away.
+        // Half a pixel to the right the plane is 1.5 higher; an offset of 1.5 compensates that.
         let to = WindowPlace::new(&image, 12.75, 20.5, 7).unwrap();
         let found = template.compare(&image, to, 0, Simd::Scalar);
         assert_eq!((found.e, found.abs_e), (49 * 24, 49 * 24));

@@ -1,23 +1,22 @@
-//! The scales on which the flow searches.
+//! The scales of the flow search.
 //!
-//! Answers: which images are compared from coarse to fine. A feature pyramid ends too early for fast motion, so halves of its last level in use
-//! are appended: they are small and cost next to nothing. Coordinates follow the pyramid's rule, `x0 = (x_l + 0.5) s - 0.5`.
+//! A feature pyramid ends too early for fast motion, so halves of its last level in use are appended, which are small
+//! and cheap. Coordinates follow the pyramid's rule, `x0 = (x_l + 0.5) s - 0.5`.
 
 use stillpoint_imaging::{GrayImage, Pyramid};
 
 /// The images of one pyramid at every scale in use, finest first.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scales {
-    /// Levels of the pyramid in use.
     levels: Vec<usize>,
-    /// What follows them, each half of the one before.
+    /// Further scales, each half of the one before.
     halves: Vec<GrayImage>,
-    /// Pixels of level 0 per pixel, of all.
+    /// Pixels of level 0 per pixel, for all scales.
     scales: Vec<f32>,
 }
 
 impl Scales {
-    /// Takes every `step`-th level of `pyramid` and makes halves until there are `count` scales.
+    /// Takes every `step`-th level of `pyramid` and appends halves until there are `count` scales.
     pub(crate) fn build(&mut self, pyramid: &Pyramid, count: usize, step: usize) {
         self.levels.clear();
         self.levels
@@ -35,7 +34,6 @@ impl Scales {
         }
     }
 
-    /// Number of scales.
     pub(crate) fn len(&self) -> usize {
         self.scales.len()
     }
@@ -45,7 +43,7 @@ impl Scales {
         self.scales[i]
     }
 
-    /// The image at scale `i`; `pyramid` is the one that this was built from.
+    /// The image at scale `i`; `pyramid` is the one passed to [`Self::build`].
     pub(crate) fn image<'a>(&'a self, pyramid: &'a Pyramid, i: usize) -> &'a GrayImage {
         match self.levels.get(i) {
             Some(&level) => pyramid.level(level),
@@ -53,20 +51,20 @@ impl Scales {
         }
     }
 
-    /// Position at scale `i` of a position in level 0, px.
+    /// Converts a position from level 0 to scale `i`, px.
     pub(crate) fn at_scale(&self, i: usize, [x, y]: [f32; 2]) -> [f32; 2] {
         let scale = self.scales[i];
         [(x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5]
     }
 
-    /// Position in level 0 of a position at scale `i`, px.
+    /// Converts a position from scale `i` to level 0, px.
     pub(crate) fn to_base(&self, i: usize, [x, y]: [f32; 2]) -> [f32; 2] {
         let scale = self.scales[i];
         [(x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5]
     }
 }
 
-/// Means of squares of 2x2 pixels, rounded; an odd last row or column is left out.
+/// Means of 2x2 pixels, rounded; an odd last row or column is left out.
 fn halve(image: &GrayImage, out: &mut GrayImage) {
     let (width, height) = (image.width() / 2, image.height() / 2);
     out.resize(width, height);
@@ -88,7 +86,7 @@ mod tests {
     use super::*;
     use stillpoint_imaging::Simd;
 
-    /// A plane of grey values keeps its values: positions at all scales mean the same places.
+    /// A plane of grey values keeps its values, so positions at all scales correspond.
     #[test]
     fn halves_follow_the_levels_and_keep_positions() {
         let plane = |i: usize| (10 + (i % 240) / 2 + (i / 240) / 3) as u8;

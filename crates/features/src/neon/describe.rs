@@ -53,7 +53,6 @@ pub(crate) fn moments(image: &GrayImage, x: usize, y: usize) -> (i32, i32) {
 unsafe fn moments_kernel(image: &GrayImage, x: usize, y: usize) -> (i32, i32) {
     let width = image.width();
     let data = image.data();
-    // Half a row of the disc.
     let row = |y: usize, half: usize, mask: uint8x16_t| {
         // SAFETY: the caller promises that the patch is inside.
         let pixels = unsafe { load(data, y * width + x - RADIUS + 16 * half) };
@@ -116,7 +115,7 @@ pub(crate) fn describe(
     unsafe { compare(window, &indices) }
 }
 
-/// Writes the indices of the rotated points; returns the least and the greatest one.
+/// Writes the indices of the rotated points; returns the smallest and the largest.
 #[target_feature(enable = "neon")]
 fn rotate(
     xs: &[f32; 512],
@@ -147,16 +146,16 @@ fn rotate(
 /// All `indices` are inside `window`.
 #[target_feature(enable = "neon")]
 unsafe fn compare(window: &[u8], indices: &[i32; 512]) -> Descriptor {
-    // Collecting the samples first leaves nothing but loads and stores in the hot loop; the comparisons are then 64 at a time.
+    // Collecting the samples first leaves only loads and stores in the hot loop; the comparisons are then 64 at a time.
     let mut samples = [0_u8; 512];
-    // Eight at a time, which spares most of the steps from one to the next.
+    // Unrolled by eight to reduce loop overhead.
     for (samples, indices) in samples.chunks_exact_mut(8).zip(indices.chunks_exact(8)) {
         for (sample, &index) in samples.iter_mut().zip(indices) {
             // SAFETY: the caller promises that the index is inside.
             *sample = unsafe { *window.get_unchecked(index as usize) };
         }
     }
-    // The bit of each byte in the byte that eight of them become.
+    // The bit of each byte in the packed byte.
     let bits = vreinterpretq_u8_u64(vdupq_n_u64(0x8040_2010_0804_0201));
     let mut words = [0; 4];
     for (k, word) in words.iter_mut().enumerate() {
@@ -166,7 +165,7 @@ unsafe fn compare(window: &[u8], indices: &[i32; 512]) -> Descriptor {
             let (a, b) = unsafe { (load(&samples, at), load(&samples, 256 + at)) };
             vandq_u8(vcltq_u8(a, b), bits)
         };
-        // Adding neighbours three times leaves one byte of eight.
+        // Pairwise addition three times packs eight bytes into one.
         let (low, high) = (
             vpaddq_u8(darker(0), darker(1)),
             vpaddq_u8(darker(2), darker(3)),

@@ -7,7 +7,7 @@ use stillpoint_imaging::GrayImage;
 use super::{check, load};
 use crate::fast::{CIRCLE, Corner, maxima_span, score_span};
 
-/// Pixels of a block: the bytes of a vector register of 128 bits.
+/// Pixels per block: the bytes of a vector register of 128 bits.
 const BLOCK: usize = 16;
 
 /// Twin of [`score_span`].
@@ -59,7 +59,7 @@ unsafe fn score_row(
     }
 }
 
-/// Scores of 16 pixels, 0 where they are not above the threshold.
+/// Scores of 16 pixels, 0 if not above the threshold.
 ///
 /// # Safety
 /// `index + offset + 16` is inside `data` for each offset.
@@ -81,7 +81,7 @@ unsafe fn score_block(data: &[u8], index: usize, offsets: &[isize; 16], low: u8)
     let both = |a: (uint8x16_t, uint8x16_t), b: (uint8x16_t, uint8x16_t)| {
         (vminq_u8(a.0, b.0), vmaxq_u8(a.1, b.1))
     };
-    // Nine adjacent pixels of 16 hold at least one of any two opposite ones, so these bound the score.
+    // Nine adjacent pixels of 16 contain at least one of any two opposite ones, so these bound the score.
     let bound = both(pair(0), pair(4));
     if none_above(above(bound.0, bound.1)) {
         return vdupq_n_u8(0);
@@ -91,7 +91,8 @@ unsafe fn score_block(data: &[u8], index: usize, offsets: &[isize; 16], low: u8)
         return vdupq_n_u8(0);
     }
     let circle: [uint8x16_t; 16] = std::array::from_fn(at);
-    // Extremes over two, four, eight pixels that start at odd places; an arc of nine adds the pixel before or after the eight.
+    // Extremes over two, four, eight pixels that start at odd indices; an arc of nine adds the pixel before or after
+    // the eight.
     let two: [_; 8] = std::array::from_fn(|i| {
         let (a, b) = (circle[2 * i + 1], circle[(2 * i + 2) % 16]);
         (vminq_u8(a, b), vmaxq_u8(a, b))
@@ -176,7 +177,7 @@ unsafe fn maxima_row(
     }
 }
 
-/// Four bits for each byte, whose bits are all alike.
+/// Four bits for each byte, whose bits are all equal.
 #[inline]
 #[target_feature(enable = "neon")]
 fn nibbles(mask: uint8x16_t) -> u64 {

@@ -1,4 +1,4 @@
-//! A texture that can be rendered under any map.
+//! A texture that can be rendered under any mapping.
 
 use stillpoint_imaging::GrayImage;
 
@@ -26,7 +26,7 @@ fn texture(x: f64, y: f64) -> f64 {
     value.clamp(0.0, 255.0)
 }
 
-/// An image whose pixel (x, y) shows the mean of the texture around `map(x, y)`.
+/// An image whose pixel (x, y) is the mean of the texture around `map(x, y)`.
 pub(crate) fn render(
     width: usize,
     height: usize,

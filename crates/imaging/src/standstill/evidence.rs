@@ -1,41 +1,46 @@
-//! What two or three images say of whether time went on between them: what changed, what has noise, and what shows anything at all.
+//! Evidence in two or three images that time has passed: change, noise and content.
 
 use crate::{DepthImage, GrayImage, RgbdFrame};
 
-/// Side of the blocks whose means are compared, px, and stride within them and between rows whose noise is judged: 16 values a block average noise to a quarter.
+/// Side of the blocks whose means are compared, px, and stride within them and between rows tested for noise: 16 values
+/// per block average noise to a quarter.
 const BLOCK: usize = 8;
 const STRIDE: usize = 2;
-/// A block of the colour image has changed by more than this, grey levels, beyond what all have: twice what noise of 8 levels leaves, which is that of dim rooms.
+/// Minimum change of a block's grey level relative to the mean change, grey levels: twice the residual of noise of 8
+/// levels, which is that of dim rooms.
 const CHANGED: f32 = 4.0;
-/// Share of the blocks that have changed where the camera moved, or something in its view: a person at the far end of a room covers so much.
+/// Minimum share of changed blocks when the camera, or a person at the far end of a room, moved.
 const MOVED: f32 = 0.01;
-/// Depth that goes on by at least this share of its step before, at which the colour image still changed, is that of a camera that moves: a hand does not stop between two images.
+/// Minimum ratio of the last depth step to the one before, during which the colour image still changed, as a share, to
+/// infer a moving camera: a hand does not stop between two images.
 const GOES_ON_AS_BEFORE: f32 = 0.7;
-/// Depth without noise is as smooth as surfaces are: of three neighbours the middle one is where the others have it, within its rounding (at most this, m) and this share of it.
+/// Tolerances of noise-free depth: the middle of three neighbours is where the others predict it, within its rounding
+/// (at most this, m) and this share of it.
 const ROUNDING: f32 = 0.001;
 const SMOOTH: f32 = 3e-4;
-/// Where more than this share of them is not, there is noise: rendered depth has up to 0.15, structured light, stereo and time of flight 0.35 and more.
+/// Minimum share of rough pixels for noise: rendered depth has up to 0.15, structured light, stereo and time of flight
+/// 0.35 and more.
 const NOISY: f32 = 0.25;
-/// A surface ends where depth changes by this share from pixel to pixel; one in so many pixels has to show that.
+/// Minimum change of depth between neighbouring pixels at an edge, as a share, and pixels per edge pixel required.
 const EDGE: f32 = 0.1;
 const EDGES: usize = 2000;
-/// Share of the pixels that an image has to hold beside its most simple content (one grey level, no depth): a covered lens repeats itself by right.
+/// Minimum content of an image, as the inverse share of pixels that differ from the simplest image (one grey level, no
+/// depth): a covered lens repeats itself legitimately.
 const CONTENT: usize = 100;
 
-/// Whether a share of the pixels has depth.
 pub(super) fn has_depth(depth: &DepthImage) -> bool {
     let data = depth.data();
     data.iter().filter(|z| **z > 0.0).count() * CONTENT > data.len()
 }
 
-/// Whether a share of the pixels differs from the first one.
+/// Whether enough pixels differ from the first one.
 pub(super) fn has_contrast(gray: &GrayImage) -> bool {
     let data = gray.data();
     let first = data.first().copied().unwrap_or_default();
     data.iter().filter(|v| **v != first).count() * CONTENT > data.len()
 }
 
-/// Whether something moved from one image to the other, whatever became of the light.
+/// Whether something moved between two images, regardless of brightness changes.
 pub(super) fn has_changed(a: &GrayImage, b: &GrayImage) -> bool {
     let means = |image: &GrayImage| blocks(image.width(), image.data(), |v| Some(f32::from(*v)));
     let differences = means(a).into_iter().zip(means(b));
@@ -46,7 +51,7 @@ pub(super) fn has_changed(a: &GrayImage, b: &GrayImage) -> bool {
     changed.count() as f32 > MOVED * count
 }
 
-/// Whether depth goes on as it did when the colour image still changed.
+/// Whether depth continues to change like it did when the colour image still changed.
 pub(super) fn goes_on_as_before(earlier: &RgbdFrame, before: &RgbdFrame, last: &RgbdFrame) -> bool {
     if !has_changed(&earlier.gray, &before.gray) {
         return false;
@@ -56,7 +61,8 @@ pub(super) fn goes_on_as_before(earlier: &RgbdFrame, before: &RgbdFrame, last: &
     step > GOES_ON_AS_BEFORE * step_before
 }
 
-/// By what share depth changes from the first image to the last, and from the one before to the last, summed over all blocks.
+/// Relative change of depth from the first to the last image, and from the previous to the last, summed over all
+/// blocks.
 pub(super) fn steps(images: [&DepthImage; 3]) -> [f32; 2] {
     let measured = |z: &f32| (*z > 0.0).then_some(*z);
     let [first, before, last] = images.map(|i| blocks(i.width(), i.data(), measured));
@@ -70,7 +76,7 @@ pub(super) fn steps(images: [&DepthImage; 3]) -> [f32; 2] {
     [all, step]
 }
 
-/// Whether surfaces end in a depth image: along a plane without noise a camera can move and measure the same.
+/// Whether the depth image has edges: a camera moving along a plane measures the same.
 pub(super) fn has_edges(depth: &DepthImage) -> bool {
     let pairs = depth.data().windows(2).step_by(STRIDE);
     let ends = pairs.filter(|w| w[0] > 0.0 && w[1] > 0.0 && (w[0] - w[1]).abs() > EDGE * w[0]);
@@ -89,7 +95,7 @@ pub(super) fn has_noise(depth: &DepthImage) -> bool {
         if b <= 0.0 || !near(a, c) {
             continue;
         }
-        // Along a line of a plane it is the inverse that is linear.
+        // On a plane the inverse depth is linear.
         let off = (1.0 / a - 2.0 / b + 1.0 / c).abs() * b * b;
         count += 1;
         rough += u32::from(off > (1.1 * step).max(SMOOTH * b));
@@ -97,7 +103,7 @@ pub(super) fn has_noise(depth: &DepthImage) -> bool {
     rough as f32 > NOISY * count.max(1) as f32
 }
 
-/// Means of blocks of an image, over the values that count; none of a block without one.
+/// Means of blocks over the valid values; `None` for blocks without any.
 fn blocks<T>(width: usize, data: &[T], value: impl Fn(&T) -> Option<f32>) -> Vec<Option<f32>> {
     let columns = width.div_ceil(BLOCK);
     let mut means = Vec::new();

@@ -1,12 +1,10 @@
-//! Numbers as bytes, little-endian: one by one, and as columns.
+//! Little-endian encoding of numbers, single or in columns.
 //!
-//! A column is written in planes: the first bytes of all its numbers, then all second bytes, and so on. Exponents and high
-//! bytes, which differ little, then lie side by side, where they compress; low bits of measurements, which are noise, do not
-//! get in between.
+//! A column is written in planes: the first bytes of all its numbers, then all second bytes, and so on. Exponents and
+//! high bytes, which vary little, are then adjacent and compress well, separate from noisy low bits.
 
 use super::MapFileError;
 
-/// Appends numbers to a section.
 #[derive(Default)]
 pub(super) struct Writer {
     pub(super) bytes: Vec<u8>,
@@ -25,12 +23,10 @@ impl Writer {
         self.u64(value.to_bits());
     }
 
-    /// A column of numbers of 32 bits, in planes.
     pub(super) fn column32(&mut self, values: impl Iterator<Item = u32>) {
         self.planes(values.map(u32::to_le_bytes).collect());
     }
 
-    /// A column of numbers of 64 bits, in planes.
     pub(super) fn column64(&mut self, values: impl Iterator<Item = u64>) {
         self.planes(values.map(u64::to_le_bytes).collect());
     }
@@ -43,7 +39,7 @@ impl Writer {
     }
 }
 
-/// Takes numbers from a section. Nothing is allocated before it is known that the bytes for it are there.
+/// Reads numbers from a section. Nothing is allocated before the bytes for it are known to exist.
 pub(super) struct Reader<'a> {
     section: &'static str,
     bytes: &'a [u8],
@@ -59,7 +55,6 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The next `count` elements of `size` bytes each.
     pub(super) fn take(&mut self, count: usize, size: usize) -> Result<&'a [u8], MapFileError> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         let wanted = count.checked_mul(size).and_then(|n| rest.get(..n));
@@ -92,7 +87,6 @@ impl<'a> Reader<'a> {
         Ok(f64::from_bits(self.u64()?))
     }
 
-    /// A column of `count` numbers of 32 bits.
     pub(super) fn column32(&mut self, count: usize) -> Result<Vec<u32>, MapFileError> {
         let bytes = self.take(count, 4)?;
         let plane = |i: usize| &bytes[i * count..(i + 1) * count];
@@ -102,13 +96,11 @@ impl<'a> Reader<'a> {
             .collect())
     }
 
-    /// A column of `count` floats of 32 bits.
     pub(super) fn floats32(&mut self, count: usize) -> Result<Vec<f32>, MapFileError> {
         let bits = self.column32(count)?;
         Ok(bits.into_iter().map(f32::from_bits).collect())
     }
 
-    /// A column of `count` floats of 64 bits.
     pub(super) fn floats64(&mut self, count: usize) -> Result<Vec<f64>, MapFileError> {
         let bytes = self.take(count, 8)?;
         let plane = |p: usize| &bytes[p * count..(p + 1) * count];
@@ -118,7 +110,6 @@ impl<'a> Reader<'a> {
             .collect())
     }
 
-    /// Fails when something is left.
     pub(super) fn end(&self) -> Result<(), MapFileError> {
         if self.at == self.bytes.len() {
             return Ok(());

@@ -1,8 +1,8 @@
-//! Sections with names, lengths and checksums: the file without its meaning.
+//! Container format: sections with names, lengths and checksums.
 //!
-//! All numbers are little-endian. The first 28 bytes mean the same in every version.
+//! All numbers are little-endian. The first 28 bytes have the same meaning in every version.
 //!
-//! | bytes | what |
+//! | bytes | content |
 //! |---|---|
 //! | 8 | magic |
 //! | 4 | version |
@@ -12,40 +12,36 @@
 //! | | the sections |
 //! | 4 | CRC-32 of all bytes before |
 //!
-//! A section: one byte each for its kind (0: part of the map, 1: extension), its compression (0: none, 1: blocks) and the
-//! length of its name; the name; 8 bytes each for the length as stored and as it was; the CRC-32 of the section without
-//! these four bytes; the stored bytes.
+//! A section: one byte each for its kind (0: part of the map, 1: extension), its compression (0: none, 1: blocks) and
+//! the length of its name; the name; 8 bytes each for the stored and the uncompressed length; the CRC-32 of the section
+//! without these four bytes; the stored bytes.
 
 use super::MapFileError;
 use super::blocks;
 use std::borrow::Cow;
 
-/// The first bytes of a map file. A byte that is not ASCII and both kinds of line ends: copying it as text shows.
+/// Magic bytes. A byte that is not ASCII and both kinds of line ends reveal a transfer as text.
 pub(super) const MAGIC: [u8; 8] = *b"\x89SPMAP\r\n";
-/// The version that is written, and the latest that can be read.
+/// The version written, and the latest readable one.
 pub(super) const VERSION: u32 = 1;
 /// Bytes before the first section.
 pub(super) const HEADER: usize = 28;
-/// Bytes of a file without sections.
+/// Length of a file without sections.
 const SHORTEST: u64 = HEADER as u64 + 4;
 
-/// Whose a section is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Map,
     Extension,
 }
 
-/// A section to be written.
 pub(super) struct Section<'a> {
     pub(super) kind: Kind,
     pub(super) name: &'a str,
     pub(super) bytes: Cow<'a, [u8]>,
-    /// Whether compression may be tried.
     pub(super) compress: bool,
 }
 
-/// A section as it lies in the file.
 #[derive(Debug)]
 pub(super) struct Stored<'a> {
     pub(super) kind: Kind,
@@ -56,7 +52,7 @@ pub(super) struct Stored<'a> {
 }
 
 impl<'a> Stored<'a> {
-    /// What was written.
+    /// The uncompressed bytes.
     pub(super) fn bytes(&self) -> Result<Cow<'a, [u8]>, MapFileError> {
         if self.compressed {
             return blocks::unpack(self.name, self.bytes, self.raw_length).map(Cow::Owned);
@@ -72,13 +68,11 @@ impl<'a> Stored<'a> {
     }
 }
 
-/// The file.
 pub(super) fn write(sections: &[Section<'_>]) -> Vec<u8> {
     let mut file = Vec::new();
     file.extend(MAGIC);
     file.extend(VERSION.to_le_bytes());
     file.extend((sections.len() as u32).to_le_bytes());
-    // Length and checksum, when the length is known.
     file.extend([0; 12]);
     for section in sections {
         append(&mut file, section);
@@ -110,7 +104,7 @@ fn append(file: &mut Vec<u8>, section: &Section<'_>) {
     file.extend(stored);
 }
 
-/// The sections of a file, whose checksums are right.
+/// Reads the sections of a file and verifies their checksums.
 pub(super) fn read(file: &[u8]) -> Result<(Header, Vec<Stored<'_>>), MapFileError> {
     let header = read_header(file)?;
     let found = file.len() as u64;
@@ -152,7 +146,6 @@ pub(super) fn read(file: &[u8]) -> Result<(Header, Vec<Stored<'_>>), MapFileErro
     Ok((header, sections))
 }
 
-/// What the first bytes say.
 pub(super) struct Header {
     pub(super) version: u32,
     sections: u32,
@@ -160,7 +153,6 @@ pub(super) struct Header {
     pub(super) length: u64,
 }
 
-/// Reads the first bytes of a file; how many follow is not looked at.
 pub(super) fn read_header(file: &[u8]) -> Result<Header, MapFileError> {
     let begin = &file[..file.len().min(MAGIC.len())];
     if !MAGIC.starts_with(begin) {
@@ -199,7 +191,7 @@ pub(super) fn read_header(file: &[u8]) -> Result<Header, MapFileError> {
     Ok(header)
 }
 
-/// The first section, its checksum as stated and as computed, and what follows.
+/// The first section, its checksum as stated and as computed, and the rest.
 fn split_section(rest: &[u8]) -> Option<(Stored<'_>, (u32, u32), &[u8])> {
     let [kind, compressed, name_length] = *rest.first_chunk::<3>()?;
     let name_end = 3 + usize::from(name_length);
@@ -242,12 +234,12 @@ fn compare(section: &str, (expected, found): (u32, u32)) -> Result<(), MapFileEr
     })
 }
 
-/// The first four bytes, which are there, as a number.
+/// The first four bytes as a number; panics when shorter.
 fn number32(bytes: &[u8]) -> u32 {
     u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
 }
 
-/// The first eight bytes, which are there, as a number.
+/// The first eight bytes as a number; panics when shorter.
 fn number64(bytes: &[u8]) -> u64 {
     u64::from(number32(bytes)) | u64::from(number32(&bytes[4..])) << 32
 }

@@ -1,4 +1,4 @@
-//! A map as sections.
+//! Encodes a map as sections.
 
 use super::MapFileError;
 use super::bytes::Writer;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 use stillpoint_features::Descriptor;
 use stillpoint_geometry::{Camera, Se3};
 
-/// The sections of a map, in the order of [`Part::ALL`]. The map has been checked.
+/// The sections of a checked map, in the order of [`Part::ALL`].
 pub(super) fn sections(map: &Map) -> Result<Vec<Section<'static>>, MapFileError> {
     let content = Content::new(map)?;
     let section = |part: Part| Section {
@@ -23,7 +23,6 @@ pub(super) fn sections(map: &Map) -> Result<Vec<Section<'static>>, MapFileError>
     Ok(Part::ALL.into_iter().map(section).collect())
 }
 
-/// What is to be written, in order.
 struct Content<'a> {
     map: &'a Map,
     cameras: Vec<Camera>,
@@ -177,7 +176,6 @@ impl<'a> Content<'a> {
         }
     }
 
-    /// One number of each feature.
     fn features<T>(
         &self,
         of: impl Fn(&Arc<KeyframeData>, usize) -> T + Copy,
@@ -196,7 +194,6 @@ impl<'a> Content<'a> {
     }
 
     fn positions(&self, to: &mut Writer) {
-        // Positions are near their keypoints.
         to.column32(self.features(|d, i| difference(d.positions[i][0], d.keypoints[i].x)));
         to.column32(self.features(|d, i| difference(d.positions[i][1], d.keypoints[i].y)));
         to.column32(self.features(|d, i| d.sigma_px[i].to_bits()));
@@ -232,7 +229,7 @@ impl<'a> Content<'a> {
     }
 }
 
-/// Each pair of covisible keyframes once, the smaller id first, in ascending order: (ids, how many they share).
+/// Each pair of covisible keyframes once, smaller id first, in ascending order: [id, id, shared landmarks].
 fn covisible_pairs(map: &Map) -> Result<Vec<[u32; 3]>, MapFileError> {
     let mut pairs: Vec<[u32; 3]> = Vec::new();
     for k in map.view.keyframes() {
@@ -251,7 +248,7 @@ fn covisible_pairs(map: &Map) -> Result<Vec<[u32; 3]>, MapFileError> {
     }
 }
 
-/// The same bits: what is equal otherwise may differ in the sign of a zero.
+/// Bitwise equality, which distinguishes signs of zero.
 fn same(a: &Camera, b: &Camera) -> bool {
     (a.width, a.height) == (b.width, b.height)
         && numbers(a).map(f64::to_bits) == numbers(b).map(f64::to_bits)
@@ -284,13 +281,13 @@ fn descriptor(to: &mut Writer, descriptor: &Descriptor) {
     }
 }
 
-/// The distance of two floats in their bits, small ones of either sign as small numbers.
+/// Difference of the bits of two floats; small differences of either sign become small numbers.
 fn difference(value: f32, from: f32) -> u32 {
     let d = value.to_bits().wrapping_sub(from.to_bits()) as i32;
     ((d << 1) ^ (d >> 31)) as u32
 }
 
-/// The float with that distance from another: the inverse of [`difference`].
+/// Inverse of [`difference`].
 pub(super) fn displaced(difference: u32, from: f32) -> f32 {
     let d = (difference >> 1) ^ (difference & 1).wrapping_neg();
     f32::from_bits(from.to_bits().wrapping_add(d))

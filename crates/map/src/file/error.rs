@@ -1,50 +1,50 @@
-//! Why bytes are no map, or a map cannot become bytes.
+//! Errors of reading and writing map files.
 
 use crate::Violation;
 
-/// What is wrong with a map file, or with a map that was to become one. Each message says what was expected, what was
-/// found, where, and what to do.
+/// A problem of a map file, or of a map to be written. Messages state the expectation, the finding, the place and
+/// the remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MapFileError {
-    /// The bytes do not begin as a map file does.
+    /// Wrong magic bytes.
     Foreign {
         /// The first bytes, at most eight.
         found: Vec<u8>,
     },
     /// The file was written by a later version of the program.
     Newer {
-        /// The version that it states.
+        /// Its version.
         found: u32,
-        /// The latest that can be read.
+        /// The latest readable version.
         supported: u32,
     },
-    /// The file is longer or shorter than it says.
+    /// The length differs from the one stated in the file.
     Length {
-        /// Bytes that it should have.
+        /// Stated length, bytes.
         expected: u64,
-        /// Bytes that are there.
+        /// Actual length, bytes.
         found: u64,
     },
-    /// Some bits are not the ones that were written.
+    /// A checksum does not match: the file is damaged.
     Checksum {
         /// The part of the file.
         section: String,
-        /// The checksum that was written with it.
+        /// The stored checksum.
         expected: u32,
-        /// That of the bytes that are there.
+        /// The computed checksum.
         found: u32,
     },
-    /// The bytes are those that were written, but they do not describe a map.
+    /// The file is undamaged but its content is not a valid map.
     Invalid {
         /// The part of the file.
         section: String,
-        /// What has to be there.
+        /// The expected value.
         expected: String,
-        /// What is.
+        /// The value found.
         found: String,
     },
-    /// The parts are well, but together they break an invariant of maps.
+    /// The sections are valid, but together they violate an invariant of maps.
     Unsound(Violation),
 }
 

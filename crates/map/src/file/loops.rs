@@ -1,15 +1,14 @@
-//! The loops of a map as an extension: a map without any has none, and what does not know it ignores it.
+//! Stores loop edges as an extension, absent in maps without loops. Programs that do not know it ignore it.
 
 use super::bytes::{Reader, Writer};
 use super::{MapFileError, decode, encode, validate};
 use crate::{KeyframeId, LoopEdge, Map};
 
-/// The name of the extension, which nobody else may use.
+/// The reserved name of the extension.
 pub(super) const NAME: &str = "stillpoint/loops";
-/// Bytes of a loop: two ids, a pose, the upper triangle of the information matrix, a count.
+/// Bytes per loop: two ids, a pose, the upper triangle of the information matrix, a count.
 const BYTES: usize = 4 + 4 + 7 * 8 + 21 * 8 + 4;
 
-/// The loops of a map; none of a map without loops.
 pub(super) fn to_bytes(map: &Map) -> Option<Vec<u8>> {
     let mut to = Writer::default();
     for edge in map.view.loops() {
@@ -24,7 +23,7 @@ pub(super) fn to_bytes(map: &Map) -> Option<Vec<u8>> {
     (!to.bytes.is_empty()).then_some(to.bytes)
 }
 
-/// The loops that an extension holds. Whether their keyframes exist is checked with the map.
+/// Decodes loops. Their keyframes are checked with the map.
 pub(super) fn from_bytes(bytes: &[u8]) -> Result<Vec<LoopEdge>, MapFileError> {
     let mut from = Reader::new(NAME, bytes);
     let mut loops = Vec::new();

@@ -1,10 +1,8 @@
-//! The map as bytes, and back.
+//! Map files as bytes, and their validation. Performs no file access: `docs/map-file.md` describes the format and rules
+//! for programs that write it to a disk.
 //!
-//! Answers: what a map file holds, whether bytes are one, and whether they describe a map that can be used. Reads and writes
-//! no files: `docs/map-file.md` describes the format and the rules for programs that write it to a disk.
-//!
-//! What is stored: everything that cannot be computed again bit for bit. The inverse index, the counts of observers and the
-//! buckets of each keyframe are computed again.
+//! Everything that cannot be recomputed bit for bit is stored. The inverse index, the counts of observers and the
+//! feature grids are recomputed.
 
 mod blocks;
 mod bytes;
@@ -24,35 +22,34 @@ pub use error::MapFileError;
 use std::borrow::Cow;
 use std::io;
 
-/// Bytes that others keep with a map: a trajectory, calibrated delays. The map does not know what they mean.
+/// Additional data stored with a map, such as a trajectory or calibrated delays, which the map does not interpret.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Extension {
-    /// Its name, 1 to 255 bytes, which no other extension of the file has.
+    /// Its unique name, 1 to 255 bytes.
     pub name: String,
     /// Its content.
     pub bytes: Vec<u8>,
 }
 
-/// What a map file holds.
+/// Content of a map file.
 #[derive(Debug)]
 pub struct MapFile {
-    /// Version of the format that it has.
+    /// Version of the format.
     pub format: u32,
     /// The map; [`Map::check`] holds.
     pub map: Map,
-    /// What others keep with it, in the order in which it was written.
+    /// Extensions, in the order of the file.
     pub extensions: Vec<Extension>,
 }
 
 impl MapFile {
-    /// Bytes at the beginning of every map file, in every version, that say what it is.
+    /// Length of the header of a map file, in every version.
     pub const HEADER_BYTES: usize = container::HEADER;
 
-    /// Reads the length of a map file from its first [`MapFile::HEADER_BYTES`] bytes, so that what is none need not be read
-    /// to its end.
+    /// Reads the length of a map file from its first [`MapFile::HEADER_BYTES`] bytes, to reject other files early.
     ///
     /// # Errors
-    /// [`MapFileError`] when no map file that can be read begins like this.
+    /// [`MapFileError`] when the bytes are not the header of a readable map file.
     pub fn length(begin: &[u8]) -> Result<u64, MapFileError> {
         container::read_header(begin).map(|header| header.length)
     }
@@ -60,8 +57,8 @@ impl MapFile {
     /// Reads a map file.
     ///
     /// # Errors
-    /// [`MapFileError`] when the bytes are damaged, of a later version, no map file, or no map that can be used. Whatever the
-    /// bytes are, it takes memory and time in proportion to their length.
+    /// [`MapFileError`] when the bytes are damaged, of a later version, not a map file, or an invalid map. Memory and
+    /// time are proportional to the length for any input.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, MapFileError> {
         let (header, sections) = container::read(bytes)?;
         let split = sections.iter().position(|s| s.kind == Kind::Extension);
@@ -95,7 +92,7 @@ impl MapFile {
         })
     }
 
-    /// Picks an extension by its name.
+    /// Finds an extension by name.
     #[must_use]
     pub fn extension(&self, name: &str) -> Option<&[u8]> {
         let found = self.extensions.iter().find(|e| e.name == name)?;
@@ -104,18 +101,18 @@ impl MapFile {
 }
 
 impl Map {
-    /// The map and `extensions` as the bytes of a map file. The same map gives the same bytes.
+    /// Encodes the map and `extensions` as a map file, deterministically.
     ///
     /// # Errors
-    /// [`MapFileError`] when the map is one that [`MapFile::from_bytes`] would refuse, or the name of an extension is empty,
-    /// too long, given twice, or that of the map's own (`stillpoint/loops`): what cannot be read must not take the place of an older file.
+    /// [`MapFileError`] when [`MapFile::from_bytes`] would reject the result, or the name of an extension is empty, too
+    /// long, duplicate, or reserved (`stillpoint/loops`): an unreadable file must not replace an older one.
     pub fn to_bytes(&self, extensions: &[Extension]) -> Result<Vec<u8>, MapFileError> {
         validate::names(extensions)?;
         validate::free(extensions)?;
-        // Without the length of the file, which only adds to what is allowed.
+        // Length 0 gives the strictest limits.
         validate::check(self, 0)?;
         let mut sections = encode::sections(self)?;
-        // In front of those of others, whose order is theirs.
+        // First, since the order of the others is up to the caller.
         sections.extend(loops::to_bytes(self).map(|bytes| Section {
             kind: Kind::Extension,
             name: loops::NAME,
@@ -131,10 +128,10 @@ impl Map {
         Ok(container::write(&sections))
     }
 
-    /// Writes [`Map::to_bytes`] somewhere.
+    /// Writes [`Map::to_bytes`] to `out`.
     ///
     /// # Errors
-    /// Those of `out`, and [`io::ErrorKind::InvalidData`] with a [`MapFileError`] inside, before anything is written.
+    /// Those of `out`, and [`io::ErrorKind::InvalidData`] containing a [`MapFileError`], before anything is written.
     pub fn write(&self, out: &mut impl io::Write, extensions: &[Extension]) -> io::Result<()> {
         let bytes = self
             .to_bytes(extensions)
@@ -142,7 +139,7 @@ impl Map {
         out.write_all(&bytes)
     }
 
-    /// The map of a map file, without its extensions.
+    /// Reads the map of a map file, without extensions.
     ///
     /// # Errors
     /// As [`MapFile::from_bytes`].

@@ -1,33 +1,31 @@
-//! Which sections a map has.
+//! Sections of a map file.
 
-/// A part of a map in its file. They come in the order of [`Part::ALL`].
+/// A part of a map, stored in the order of [`Part::ALL`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
-    /// Version of the map, scales of the levels, and how many there are of everything.
+    /// Version of the map, level scales, and counts of all elements.
     Header,
-    /// The cameras, each once.
+    /// The distinct cameras.
     Cameras,
     /// Ids, poses, stamps and lengths of the live keyframes.
     Keyframes,
-    /// Poses of the culled ones.
+    /// Poses of culled keyframes.
     Tombstones,
     /// Pairs of keyframes that share landmarks.
     Covisibility,
-    /// Keypoints of all keyframes, one after another.
+    /// Keypoints of all keyframes, concatenated.
     Keypoints,
-    /// Their undistorted positions and how exact they are.
+    /// Undistorted positions with standard deviations.
     Positions,
-    /// Their depths.
     Depths,
-    /// Their descriptors.
     Descriptors,
-    /// Which landmarks they observe, or may not.
+    /// Landmark observed by each feature, and whether it may observe one.
     Matches,
-    /// What became of each landmark: live, merged, culled.
+    /// State of each landmark id: live, merged, culled.
     LandmarkSlots,
     /// The live landmarks.
     Landmarks,
-    /// Their positions and directions.
+    /// Their positions and viewing directions.
     LandmarkPositions,
     /// Their descriptors.
     LandmarkDescriptors,
@@ -70,8 +68,8 @@ impl Part {
         }
     }
 
-    /// Whether it may be compressed. Descriptors are noise. Of the others each element asks for many times its size in
-    /// memory, and may ask for no more than that.
+    /// Whether the part may be compressed. Descriptors are noise. Elements of the other uncompressed parts take many
+    /// times their size in memory, so that compression would allow a small file to demand too much.
     pub(super) fn may_compress(self) -> bool {
         match self {
             Self::Header | Self::Cameras | Self::Keyframes | Self::Tombstones => false,
@@ -82,7 +80,6 @@ impl Part {
     }
 }
 
-/// How many there are of everything, as the header says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Counts {
     pub(super) cameras: u32,
@@ -97,10 +94,10 @@ pub(super) struct Counts {
     pub(super) features: u64,
 }
 
-/// No keyframe, no landmark, and in the slots of landmarks: live.
+/// No keyframe or landmark; as a landmark slot: live.
 pub(super) const NONE: u32 = u32::MAX;
-/// In the slots of landmarks: culled. Anything smaller is the landmark it was merged into.
+/// As a landmark slot: culled. Smaller values are the landmark it was merged into.
 pub(super) const CULLED: u32 = u32::MAX - 1;
-/// A slot of a keyframe costs no memory as long as its neighbours are empty too, but time whenever all are looked at: this
-/// is a week of frames at 25 Hz.
+/// Maximum number of keyframe slots. Empty slots cost almost no memory, but time in every traversal: this is a week of
+/// frames at 25 Hz.
 pub(super) const MAX_KEYFRAME_SLOTS: usize = 1 << 24;

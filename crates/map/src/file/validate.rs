@@ -1,28 +1,27 @@
-//! What the values of a map may be. The same is asked of a map that is written and of one that is read, so that whatever
-//! was written can be read.
+//! Valid ranges of a map's values, applied to both reading and writing, so that every written map can be read.
 
 use super::{Extension, MapFileError, loops};
 use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, Landmark, LandmarkId, Map};
 use std::collections::{BTreeMap, BTreeSet};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 
-/// Different cameras that a map may have: one for each run that was merged into it. Each costs a millisecond to be checked.
+/// Maximum number of distinct cameras: one per merged run. Checking one takes a millisecond.
 pub(super) const MAX_CAMERAS: usize = 1024;
-/// Side of a bucket, px, and buckets per side at most: as [`stillpoint_features::FeatureGrid`] has them.
+/// Side of a bucket, px, and maximum buckets per side, as in [`stillpoint_features::FeatureGrid`].
 const BUCKET: f32 = 16.0;
 const MAX_BUCKETS: u64 = 512;
-/// Bytes of buckets that any map may have, and how many more per byte of the file: a keyframe with one feature per
+/// Bytes of buckets allowed for any map, and additional ones per byte of the file: a keyframe with one feature per
 /// bucket takes some 20 times its buckets.
 const FREE_BUCKETS: u64 = 256 << 20;
 const BUCKETS_PER_BYTE: u64 = 16;
-/// How far rotations and directions may be off unit length: a thousand times what products of rotations drift by.
+/// Tolerance of the unit length of rotations and directions: a thousand times the drift of products of rotations.
 const UNIT_TOLERANCE: f64 = 1e-6;
-/// Counters beyond this are no counts of frames, and might overflow.
+/// Maximum of frame counters; larger ones are implausible and might overflow.
 const MAX_FRAMES: u32 = 1 << 30;
-/// The same for versions.
+/// Maximum map version.
 const MAX_VERSION: u64 = 1 << 60;
 
-/// Checks a whole map of which a file of `file_length` bytes is or will be.
+/// Checks a whole map, for a file of `file_length` bytes.
 pub(super) fn check(map: &Map, file_length: usize) -> Result<(), MapFileError> {
     let scales = &map.level_scales;
     let scales_are_well = scales.iter().all(|s| s.is_finite() && *s > 0.0);
@@ -89,7 +88,6 @@ fn expect(
     Err(MapFileError::invalid(section, expected, found))
 }
 
-/// Checks the names of extensions.
 pub(super) fn names(extensions: &[Extension]) -> Result<(), MapFileError> {
     let mut names: Vec<&str> = extensions.iter().map(|e| e.name.as_str()).collect();
     names.sort_unstable();
@@ -109,7 +107,7 @@ pub(super) fn names(extensions: &[Extension]) -> Result<(), MapFileError> {
     Ok(())
 }
 
-/// Checks that no extension of others has the name of the one that the map itself writes.
+/// Checks that no extension uses the name reserved for the map's own.
 pub(super) fn free(extensions: &[Extension]) -> Result<(), MapFileError> {
     let taken = extensions.iter().any(|e| e.name == loops::NAME);
     expect("the extensions", !taken, || {
@@ -120,20 +118,18 @@ pub(super) fn free(extensions: &[Extension]) -> Result<(), MapFileError> {
     })
 }
 
-/// Checks a camera, before anything is computed with it.
 pub(super) fn camera(camera: &Camera) -> Result<(), MapFileError> {
     let checked = camera.check();
     checked.map_err(|e| MapFileError::invalid("cameras", e.expected(), e.found()))
 }
 
-/// Checks the number of different cameras.
 pub(super) fn camera_count(count: usize) -> Result<(), MapFileError> {
     expect("cameras", count <= MAX_CAMERAS, || {
         (format!("at most {MAX_CAMERAS}"), count.to_string())
     })
 }
 
-/// Checks the cameras of all keyframes, each of them once.
+/// Checks the cameras of all keyframes, each distinct one once.
 fn cameras<'a>(all: impl Iterator<Item = &'a Camera>) -> Result<(), MapFileError> {
     let mut seen = BTreeSet::new();
     for of_keyframe in all {
@@ -145,7 +141,6 @@ fn cameras<'a>(all: impl Iterator<Item = &'a Camera>) -> Result<(), MapFileError
     Ok(())
 }
 
-/// What tells cameras apart.
 fn bits(camera: &Camera) -> [u64; 10] {
     let d = &camera.distortion;
     let size = u64::from(camera.width) << 32 | u64::from(camera.height);
@@ -154,13 +149,13 @@ fn bits(camera: &Camera) -> [u64; 10] {
     [size, fx, fy, cx, cy, k1, k2, p1, p2, k3]
 }
 
-/// Checks that the buckets of keyframes with these cameras do not take implausible memory.
+/// Checks that the feature grids of keyframes with these cameras take a plausible amount of memory.
 pub(super) fn grids<'a>(
     cameras: impl Iterator<Item = &'a Camera>,
     file_length: usize,
 ) -> Result<(), MapFileError> {
     let side = |length: f32| ((length / BUCKET).ceil() as u64).clamp(1, MAX_BUCKETS);
-    // Keyframes of a map have few cameras, mostly one, and bounds take long beside a look at what is known.
+    // Maps have few distinct cameras, and bounds are expensive compared to a look-up.
     let (mut bytes, mut known) = (0, BTreeMap::new());
     for camera in cameras {
         bytes += *known.entry(bits(camera)).or_insert_with(|| {
@@ -177,7 +172,6 @@ pub(super) fn grids<'a>(
     })
 }
 
-/// One value of each kind per feature.
 fn lengths(k: &Keyframe) -> Result<(), MapFileError> {
     let d = &k.data;
     let lengths = [
@@ -199,7 +193,7 @@ fn lengths(k: &Keyframe) -> Result<(), MapFileError> {
 
 pub(super) fn pose(section: &str, id: KeyframeId, pose: &Se3) -> Result<(), MapFileError> {
     let norm2: f64 = pose.rotation.coords.iter().map(|x| x * x).sum();
-    // Not the other way round: no number is neither.
+    // Also false for NaN.
     let holds = pose.is_finite() && (norm2 - 1.0).abs() <= 2.0 * UNIT_TOLERANCE;
     expect(section, holds, || {
         (
@@ -241,7 +235,7 @@ fn features(k: &Keyframe, levels: usize) -> Result<(), MapFileError> {
 
 fn landmark(id: LandmarkId, l: &Landmark) -> Result<(), MapFileError> {
     let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
-    // A direction may be shorter, when a landmark was seen from all sides.
+    // The mean direction is shorter for landmarks seen from many sides.
     let directed =
         finite(&l.direction_in_anchor) && l.direction_in_anchor.norm() <= 1.0 + UNIT_TOLERANCE;
     expect(

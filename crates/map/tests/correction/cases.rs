@@ -1,4 +1,4 @@
-//! Single corrections, of which the outcome is known.
+//! Single corrections with known results.
 
 use super::*;
 use stillpoint_geometry::Mat6;
@@ -13,7 +13,7 @@ fn a_pose_refined_since_is_not_overwritten() {
     let applied = map.apply(&c);
     assert_eq!((applied.poses, applied.composed), (3, 1));
     assert!(distance(&at(&map, 1), &(pose(6) * refined)) < 1e-9);
-    // Control: that is neither what the correction said nor what the mapper did.
+    // Control: neither the correction nor the refinement alone.
     assert!(distance(&at(&map, 1), &c.poses[1].after) > 5e-3);
     assert!(distance(&at(&map, 1), &refined) > 5e-3);
     assert_eq!(at(&map, 0), c.poses[0].after);
@@ -31,7 +31,7 @@ fn landmarks_move_relative_to_the_anchor_that_was_seen() {
             .unwrap()
             .position_in_anchor
     };
-    // Landmark 0 is seen by keyframes 0 and 1: it gets another anchor; 1 is refined, 2 is left alone.
+    // Landmark 0 is observed by keyframes 0 and 1: it gets another anchor; 1 is refined, 2 is unchanged.
     map.remove_observation(LandmarkId::new(0), KeyframeId(0));
     map.landmark_mut(LandmarkId::new(1))
         .unwrap()
@@ -54,7 +54,7 @@ fn merges_follow_what_became_of_the_landmarks() {
         merges: vec![(l(8), l(0)), (l(9), l(1)), (l(10), l(2)), (l(4), l(4))],
         ..Correction::default()
     };
-    // Meanwhile 0 became 3, and 9 is gone.
+    // Meanwhile 0 became 3, and 9 was culled.
     assert!(map.merge_landmarks(l(0), l(3)));
     map.cull_landmark(l(9));
     let applied = map.apply(&c);
@@ -83,7 +83,7 @@ fn what_was_measured_stays_when_its_keyframes_move_or_go() {
         ..Correction::default()
     };
     map.apply(&measured(edge(0, 4)));
-    // What cannot have been measured is not kept: with itself, with nothing, with a motion that is none.
+    // Invalid measurements are not stored: self loops, unknown keyframes, invalid motions.
     map.apply(&measured(edge(3, 3)));
     map.apply(&measured(edge(0, 77)));
     let mut broken = edge(1, 5);
@@ -93,7 +93,7 @@ fn what_was_measured_stays_when_its_keyframes_move_or_go() {
     assert!(map.cull_keyframe(KeyframeId(4)));
     assert!(map.view().loops().eq([&edge(0, 4)]));
     assert_eq!(map.check(), Ok(()));
-    // In another map their keyframes have other ids.
+    // Appending renumbers keyframes.
     let mut other = chain(3, 2);
     let added = other.append(&map).unwrap();
     assert!(other.view().loops().eq([&LoopEdge {

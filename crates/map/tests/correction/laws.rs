@@ -1,4 +1,4 @@
-//! What holds whatever happened to the map meanwhile.
+//! Laws that hold for any concurrent changes of the map.
 
 use super::*;
 use proptest::prelude::*;
@@ -24,7 +24,7 @@ fn change() -> impl Strategy<Value = Change> {
     ]
 }
 
-/// Changes a map as the mapper does while somebody works on an older version.
+/// Changes a map like the mapper does during a correction.
 fn evolve(map: &mut Map, changes: &[Change]) {
     let mut next = 100;
     for c in changes {
@@ -91,7 +91,7 @@ proptest! {
         }
     }
 
-    /// Correct, then go on, or go on, then correct: the same map, up to rounding.
+    /// Correcting before or after other changes gives the same map, up to rounding.
     #[test]
     fn it_does_not_matter_when_it_arrives(
         parents in prop::collection::vec(0..8u32, 1..8),
@@ -99,7 +99,7 @@ proptest! {
         shift in 0..30u32,
         refined in prop::collection::vec((0..8u32, 0..9u32), 0..4),
     ) {
-        // One rigid motion for all, under which whatever happens between is the same seen from elsewhere.
+        // One rigid motion for all commutes with the other changes.
         let mut early = chain(8, 3);
         let mut late = chain(8, 3);
         let c = correction(&early.publish(), &[shift]);
@@ -108,7 +108,7 @@ proptest! {
         for (map, world) in [(&mut early, pose(shift)), (&mut late, Se3::identity())] {
             for (i, p) in parents.iter().enumerate() {
                 let id = KeyframeId(100 + i as u32);
-                // As the mapper does: relative to the parent, wherever that is.
+                // Like the mapper: relative to the parent.
                 let at = map.view().world_from_keyframe(KeyframeId(*p)).unwrap() * pose(3);
                 let parent = map.view().resolve_keyframe(KeyframeId(*p));
                 prop_assert!(map.insert_keyframe(id, data(id.0), at, parent));
@@ -132,7 +132,7 @@ proptest! {
         prop_assert_eq!(late.check(), Ok(()));
     }
 
-    /// What hangs on a corrected keyframe keeps its pose relative to it.
+    /// Descendants of a corrected keyframe keep their pose relative to it.
     #[test]
     fn what_was_not_seen_moves_along(
         parents in prop::collection::vec(0..8u32, 1..8),
@@ -143,7 +143,7 @@ proptest! {
         for (i, p) in parents.iter().enumerate() {
             extend(&mut map, 100 + i as u32, Some(*p), 2);
         }
-        // A tail of two: the second hangs on one that was not seen either.
+        // A chain of two: the parent of the second is not corrected either.
         extend(&mut map, 200, Some(100), 2);
         let before = map.publish();
         let applied = map.apply(&c);

@@ -55,7 +55,8 @@ fn pose(seed: u32) -> Se3 {
     ))
 }
 
-/// A chain of keyframes, each the parent of the next; `landmarks` of each, the first also seen by the next one.
+/// A chain of keyframes, each the parent of the next, with `landmarks` each, the first also observed by the next
+/// keyframe.
 fn chain(keyframes: u32, landmarks: u32) -> Map {
     let mut map = Map::new(8, 1.2);
     for k in 0..keyframes {
@@ -83,7 +84,7 @@ fn extend(map: &mut Map, k: u32, parent: Option<u32>, landmarks: u32) {
     }
 }
 
-/// A correction that moves the live keyframes of a view, each by its own small motion.
+/// A correction that moves each live keyframe of a view by its own small motion.
 fn correction(view: &MapView, shifts: &[u32]) -> Correction {
     let poses = view.keyframes().zip(shifts.iter().cycle());
     Correction {

@@ -1,9 +1,9 @@
-//! Submaps that become one.
+//! Joining submaps.
 
 use super::*;
 use stillpoint_map::{Join, SubmapId};
 
-/// A map of two submaps, which begin at keyframes 0 and 10.
+/// Two submaps, which begin at keyframes 0 and 10.
 fn two_submaps() -> Map {
     let mut map = chain(4, 3);
     extend(&mut map, 10, None, 3);
@@ -17,7 +17,7 @@ fn submaps_become_one_with_all_that_was_added_since() {
     assert_eq!(map.view().submaps(), [(SubmapId(0), 4), (SubmapId(10), 2)]);
     let first = |k: u32, map: &Map| map.view().keyframe(KeyframeId(k)).unwrap().matches[0].unwrap();
     let merges = vec![(first(10, &map), first(2, &map))];
-    // Without a join, what is of two submaps stays two things.
+    // Without a join, landmarks of two submaps are not merged.
     let apart = Correction {
         base_version: map.view().version(),
         merges: merges.clone(),
@@ -51,7 +51,7 @@ fn submaps_become_one_with_all_that_was_added_since() {
     for (k, before) in [10, 11, 12].into_iter().zip(&before[1..]) {
         assert!(distance(&at(&map, k), &(pose(40) * *before)) < 1e-9, "{k}");
     }
-    // Keyframe 11 is a tombstone on 10 by now, which hangs on 2.
+    // Keyframe 11 is a tombstone on 10, which is a child of 2.
     let parent = |k: u32| map.view().keyframe(KeyframeId(k)).unwrap().parent;
     assert_eq!(parent(10), Some(KeyframeId(2)));
     assert_eq!(parent(12), Some(KeyframeId(10)));
@@ -64,7 +64,6 @@ fn the_tree_of_a_submap_turns_round_where_it_is_joined() {
     for (k, parent) in [(10, None), (11, Some(10)), (12, Some(11)), (13, Some(11))] {
         extend(&mut map, k, parent, 2);
     }
-    // Nothing is named: what the correction does not reach comes along all the same.
     let before = at(&map, 13);
     map.apply(&Correction {
         base_version: map.view().version(),

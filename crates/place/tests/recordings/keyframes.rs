@@ -1,4 +1,4 @@
-//! Recordings, real and simulated, as keyframes whose views are known to overlap or not.
+//! Keyframes of real and simulated recordings, with known view overlap.
 
 use super::datasets::{Dataset, FrameOptions, OpenOptions, StampedPose};
 use super::features::{Descriptor, Features, OrbConfig, OrbExtractor};
@@ -8,26 +8,25 @@ use super::simulator::{Simulator, SimulatorConfig};
 use std::error::Error;
 use std::path::Path;
 
-/// A camera that has moved this far (m) or turned this far (rad) makes the next keyframe.
+/// Motion after which the next keyframe is made, m and rad.
 const STEP: [f64; 2] = [0.2, 0.18];
-/// Views are compared on a grid of this many columns and rows.
+/// Columns and rows of the grid on which views are compared.
 const GRID: [usize; 2] = [64, 48];
-/// Depths of one surface in two views differ by at most this: a share of the depth, and m.
+/// Maximum depth difference of one surface in two views: a share of the depth, and m.
 const SAME_DEPTH: [f64; 2] = [0.04, 0.06];
 
-/// One image with what is known of it.
+/// An image with its ground truth.
 pub(crate) struct Keyframe {
     /// s.
     pub(crate) stamp: f64,
-    /// Of features that do not lie on anything that moves.
+    /// Without features on moving objects.
     pub(crate) descriptors: Vec<Descriptor>,
     camera: Camera,
     world_from_camera: Se3,
-    /// Depths on the grid, m; 0 where there is none.
+    /// Depths on the grid, m; 0 where unknown.
     depths: Vec<f32>,
 }
 
-/// Turns frames into keyframes.
 struct Recorder {
     camera: Camera,
     extractor: OrbExtractor,
@@ -43,7 +42,6 @@ impl Recorder {
         }
     }
 
-    /// `mask` is not 0 where something moves.
     fn keyframe(
         &mut self,
         frame: &RgbdFrame,
@@ -53,7 +51,7 @@ impl Recorder {
         self.extractor.extract(&frame.gray, &mut self.features);
         let moves = |x: f32, y: f32| {
             mask.is_some_and(|mask| {
-                // The corner of a person is seen by patches around them.
+                // Patches of features next to a person contain part of the person.
                 [(0.0, 0.0), (-8.0, 0.0), (8.0, 0.0), (0.0, -8.0), (0.0, 8.0)]
                     .iter()
                     .any(|(dx, dy)| pixel(mask, x + dx, y + dy) != 0)
@@ -106,11 +104,10 @@ fn on_grid(depth: &DepthImage, mask: Option<&GrayImage>) -> Vec<f32> {
 }
 
 impl Keyframe {
-    /// The share of what this keyframe sees, 0 to 1, that `other` sees as well.
+    /// Share of this keyframe's view that `other` sees as well, 0 to 1.
     fn seen_by(&self, other: &Keyframe) -> f64 {
         let other_from_this = other.world_from_camera.inverse() * self.world_from_camera;
         let (mut all, mut seen) = (0, 0);
-        // Every second cell of every second row is enough.
         let even = |n: usize| n.is_multiple_of(2);
         let chosen = (0..self.depths.len()).filter(|c| even(*c) && even(*c / GRID[0]));
         for cell in chosen {
@@ -126,7 +123,7 @@ impl Keyframe {
         seen as f64 / f64::from(all.max(1)) * f64::from(u8::from(all > 50))
     }
 
-    /// Whether a point (m, camera coordinates) is in the image and not hidden.
+    /// Whether a point (m, camera coordinates) is in the image and not occluded.
     fn sees(&self, point: &Vec3) -> bool {
         if point.z < 0.1 {
             return false;
@@ -141,11 +138,11 @@ impl Keyframe {
         let column = cell(px.x.max(0.0), GRID[0], self.camera.width);
         let row = cell(px.y.max(0.0), GRID[1], self.camera.height);
         let z = f64::from(self.depths[row * GRID[0] + column]);
-        // Where there is no depth, what is in the image counts as seen.
+        // Without depth, points in the image count as seen.
         z == 0.0 || (z - point.z).abs() < SAME_DEPTH[0] * z + SAME_DEPTH[1]
     }
 
-    /// The smaller of the shares that two keyframes see of each other's view, 0 to 1.
+    /// The smaller of the two shares of view overlap, 0 to 1.
     pub(crate) fn overlap(&self, other: &Keyframe) -> f64 {
         let far = self.world_from_camera.translation - other.world_from_camera.translation;
         if far.norm() > 15.0 {
@@ -160,7 +157,6 @@ impl Keyframe {
     }
 }
 
-/// Numbers of the poses that make keyframes.
 fn choose(poses: &[(f64, Se3)]) -> Vec<usize> {
     let mut chosen: Vec<usize> = Vec::new();
     for (i, (_, pose)) in poses.iter().enumerate() {
@@ -177,8 +173,7 @@ fn choose(poses: &[(f64, Se3)]) -> Vec<usize> {
     chosen
 }
 
-/// What to simulate.
-#[allow(dead_code)] // Only the laboratory simulates.
+#[allow(dead_code)] // Used by the laboratory only.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Simulated {
     pub(crate) scene: &'static str,
@@ -187,8 +182,7 @@ pub(crate) struct Simulated {
     pub(crate) frames: Option<usize>,
 }
 
-/// The keyframes of a simulated scene.
-#[allow(dead_code)] // Only the laboratory simulates.
+#[allow(dead_code)] // Used by the laboratory only.
 pub(crate) fn simulated(what: &Simulated) -> Result<Vec<Keyframe>, Box<dyn Error>> {
     let sim = Simulator::new(&SimulatorConfig {
         scene: what.scene.to_owned(),
@@ -217,7 +211,7 @@ fn pose_at(poses: &[StampedPose], stamp: f64) -> Option<Se3> {
     Some(a.world_from_camera.interpolate(&b.world_from_camera, share))
 }
 
-/// The keyframes of a recording: those that the camera's motion makes, or every `every`-th frame.
+/// The keyframes of a recording: chosen by the camera's motion, or every `every`-th frame.
 pub(crate) fn recorded(
     folder: &Path,
     every: Option<usize>,

@@ -1,4 +1,4 @@
-//! Which feature of the frame sees which point. Searches, thresholds on descriptors and the check of rotations follow ORB-SLAM2
+//! Matching of frame features to landmarks. Searches, descriptor thresholds and the rotation check follow ORB-SLAM2
 //! (Mur-Artal, Tardos 2017).
 
 use crate::recycle::Lists;
@@ -7,32 +7,33 @@ use stillpoint_geometry::{Mat3, Se3, Vec3};
 use stillpoint_imaging::workers;
 use stillpoint_map::{Keyframe, KeyframeData, LandmarkId, MapView};
 
-/// Hamming distance up to which two descriptors may be the same corner, bits of 256 (random ones differ by 128 +- 8), as in ORB-SLAM2 (Mur-Artal,
-/// Tardos 2017).
+/// Maximum Hamming distance of a match, bits of 256 (random descriptors differ by 128 +- 8), as in ORB-SLAM2
+/// (Mur-Artal, Tardos 2017).
 const MAX_DISTANCE: u32 = 100;
-/// The same where nothing but the descriptor speaks for the match: half of that, as in ORB-SLAM2.
+/// Maximum distance for matches on the descriptor alone, without a predicted position: half of `MAX_DISTANCE`, as in
+/// ORB-SLAM2.
 pub(crate) const STRICT_DISTANCE: u32 = 50;
-/// The best candidate must be this much nearer than the second, a ratio of distances, as in ORB-SLAM2 (Mur-Artal, Tardos 2017) from frame to frame.
+/// Maximum ratio of the best to the second-best distance between frames, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const RATIO: f32 = 0.9;
-/// A match to a landmark in a small window needs less: the ratio only counts between candidates of one level. As in ORB-SLAM2 (Mur-Artal, Tardos
-/// 2017).
+/// Maximum distance ratio of a landmark match in a search window, applied only between candidates of one level. As in
+/// ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const WINDOW_RATIO: f32 = 0.8;
 
-/// Points that are searched together, at least: some 50 us of work (matching takes 0.29 ms in all, decision 38). Chosen: less is not worth a thread.
+/// Minimum number of points per thread: some 50 us of work (all matching takes 0.29 ms, decision 38). Chosen: less is
+/// not worth a thread.
 const SEARCHED_TOGETHER: usize = 150;
 
-/// A point that a feature sees: a landmark, or a point that only the last frame's depth speaks for.
+/// A point matched to a feature: a landmark, or a temporary point from the last frame's depth.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Target {
-    /// The landmark; none for a temporary point.
+    /// `None` for a temporary point.
     pub(crate) landmark: Option<LandmarkId>,
     /// World position, m.
     pub(crate) position: Vec3,
-    /// Hamming distance of the match.
     distance: u32,
 }
 
-/// Per feature of the present frame, what it sees.
+/// The matched point of each feature of the current frame.
 #[derive(Debug, Default)]
 pub(crate) struct Matches {
     pub(crate) targets: Vec<Option<Target>>,
@@ -47,7 +48,7 @@ impl Matches {
         }
     }
 
-    /// Assigns a feature unless it has a nearer match already.
+    /// Assigns `target` to a feature unless it already has a match at the same or a smaller distance.
     fn assign(&mut self, feature: u32, target: Target) {
         match &mut self.targets[feature as usize] {
             Some(old) if old.distance <= target.distance => {}
@@ -58,7 +59,7 @@ impl Matches {
         }
     }
 
-    /// How many features see a landmark.
+    /// Number of features matched to a landmark.
     pub(crate) fn landmarks(&self) -> usize {
         let sees = |t: &&Target| t.landmark.is_some();
         self.targets.iter().flatten().filter(sees).count()
@@ -74,7 +75,7 @@ impl Matches {
         self.assign(feature, target);
     }
 
-    /// The matches of the features that are `kept`, which are numbered again from 0, in an empty list.
+    /// Matches of the features marked `kept`, renumbered from 0; reuses the empty list `targets`.
     pub(crate) fn select(
         &self,
         kept: impl Iterator<Item = bool>,
@@ -89,7 +90,6 @@ impl Matches {
         }
     }
 
-    /// Takes the match of a feature away.
     pub(crate) fn clear(&mut self, feature: usize) {
         if self.targets[feature].take().is_some() {
             self.count -= 1;
@@ -97,18 +97,17 @@ impl Matches {
     }
 }
 
-/// A feature of an earlier frame with the point it saw.
+/// A feature of an earlier frame and the point matched to it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
-    /// The landmark; none for a temporary point.
+    /// `None` for a temporary point.
     pub(crate) landmark: Option<LandmarkId>,
     /// World position, m.
     pub(crate) position: Vec3,
-    /// The feature, in the earlier frame.
     pub(crate) feature: u32,
 }
 
-/// The landmarks that a keyframe sees, where a view of the map holds them now.
+/// The keyframe's matched landmarks that still exist in the map view.
 pub(crate) fn candidates_of(view: &MapView, keyframe: &Keyframe) -> Vec<Candidate> {
     let candidate = |(i, id): (usize, &Option<LandmarkId>)| {
         let landmark = (*id)?;
@@ -122,20 +121,19 @@ pub(crate) fn candidates_of(view: &MapView, keyframe: &Keyframe) -> Vec<Candidat
     matches.filter_map(candidate).collect()
 }
 
-/// Memory that matching takes, used again from frame to frame.
 #[derive(Default)]
 pub(crate) struct MatchMemory {
-    /// Per candidate, the feature and the distance.
+    /// Per candidate: feature and distance.
     found: Vec<Option<(u32, u32)>>,
     histogram: RotationHistogram<Found>,
-    /// For [`Matches`].
+    /// Buffers for [`Matches`].
     pub(crate) targets: Lists<Option<Target>>,
 }
 
-/// A candidate's number, the feature that it matches, and the distance.
 type Found = (u32, u32, u32);
 
-/// Searches each candidate of `earlier` around its projection with the predicted pose, within a radius (px) and bounds of undistorted pixels.
+/// Searches for each candidate around its projection with the predicted pose, within `radius_px` (scaled by level) and
+/// within the bounds of undistorted pixels.
 pub(crate) fn match_by_projection(
     data: &KeyframeData,
     predicted: &Se3,
@@ -185,7 +183,7 @@ pub(crate) fn match_by_projection(
     )
 }
 
-/// Searches each candidate of `earlier` among all features, by descriptor alone.
+/// Matches candidates to all features by descriptor alone.
 pub(crate) fn match_by_descriptor(
     data: &KeyframeData,
     earlier: &KeyframeData,
@@ -208,7 +206,8 @@ pub(crate) fn match_by_descriptor(
     )
 }
 
-/// The image turns as one between two frames: matches whose keypoints turned otherwise are wrong. The rest are put into an empty list.
+/// Drops matches whose keypoint rotation disagrees with the dominant rotation between the frames. Fills the empty list
+/// `targets` with the rest.
 fn keep_consistent_rotations(
     (data, mut targets): (&KeyframeData, Vec<Option<Target>>),
     (earlier, candidates): (&KeyframeData, &[Candidate]),
@@ -237,21 +236,20 @@ fn keep_consistent_rotations(
     matches
 }
 
-/// A landmark expected in the frame.
+/// A landmark predicted to be visible in the frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Expected<'a> {
     pub(crate) landmark: LandmarkId,
     pub(crate) position: Vec3,
     pub(crate) descriptor: &'a Descriptor,
-    /// Where it is expected, undistorted px.
+    /// Predicted position, undistorted px.
     pub(crate) pixel: [f32; 2],
-    /// The pyramid level on which it is expected.
     pub(crate) level: u8,
-    /// Radius of the search on level 0, px.
+    /// Search radius on level 0, px.
     pub(crate) radius_px: f32,
 }
 
-/// Searches an expected landmark among the features that have no match yet.
+/// Matches a predicted landmark to a feature that has no landmark yet.
 pub(crate) fn match_expected(
     data: &KeyframeData,
     expected: &Expected<'_>,
@@ -294,7 +292,7 @@ fn inside(x: f32, y: f32, [min_x, min_y, max_x, max_y]: [f32; 4]) -> bool {
     x >= min_x && y >= min_y && x <= max_x && y <= max_y
 }
 
-/// True when a pixel lies in the bounds of undistorted pixels.
+/// Whether a pixel lies within the bounds of undistorted pixels.
 pub(crate) fn in_bounds(px: [f32; 2], bounds: [f32; 4]) -> bool {
     inside(px[0], px[1], bounds)
 }

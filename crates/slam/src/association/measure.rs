@@ -1,10 +1,10 @@
-//! What a feature measured, as estimation takes it.
+//! Conversion of features into measurements for the estimators.
 
 use stillpoint_estimation::Measurement;
 use stillpoint_geometry::Camera;
 use stillpoint_map::KeyframeData;
 
-/// What a feature measured: its undistorted pixel, and its depth (m) where it has one, each with its standard deviation.
+/// A feature's undistorted pixel and its depth (m, if any), with standard deviations.
 pub(crate) fn measurement(data: &KeyframeData, feature: usize) -> Measurement {
     let depth = data
         .depth(feature)
@@ -16,16 +16,16 @@ pub(crate) fn measurement(data: &KeyframeData, feature: usize) -> Measurement {
     )
 }
 
-/// What a feature would have measured with another camera at the same place, for problems in which several keyframes take part:
-/// those of a map that was loaded may have been calibrated in another way.
+/// The measurement converted to another camera model at the same pose. Needed where keyframes of one problem differ in
+/// calibration, for example in a loaded map.
 pub(crate) fn measurement_in(data: &KeyframeData, feature: usize, camera: &Camera) -> Measurement {
     let own = &data.camera;
     let m = measurement(data, feature);
-    // Almost always. What goes there and back would not come back to the same bits.
+    // The usual case; projecting back and forth would change the last bits.
     if own == camera {
         return m;
     }
-    // Both of one size on the sensor, in pixels of each.
+    // The variance stays the same on the sensor, so it scales with the focal length in pixels.
     let scale = camera.fx / own.fx;
     Measurement {
         pixel: camera.project(&own.ray(m.pixel)),

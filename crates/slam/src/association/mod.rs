@@ -1,8 +1,7 @@
-//! Association: which feature sees which landmark.
+//! Data association between features and landmarks.
 //!
-//! Answers, for tracking, mapping and loop closing alike: where a landmark should appear and on which pyramid level, how alike two
-//! descriptors must be, what a feature measured of its landmark, and which landmarks a set of keyframes sees. Holds no state and decides
-//! nothing about poses or the map.
+//! Used by tracking, mapping and loop closing: predicts the position and pyramid level of landmarks, matches
+//! descriptors, turns features into measurements and lists the landmarks of keyframes. Stateless.
 
 mod matching;
 mod measure;
@@ -17,7 +16,7 @@ pub(crate) use predict::{is_in_range, level_at, window_of};
 
 use stillpoint_map::{KeyframeId, LandmarkId, MapView};
 
-/// The live landmarks that any of some keyframes sees, in the order of their ids.
+/// The live landmarks observed by any of the keyframes, sorted by id.
 pub(crate) fn landmarks_of(view: &MapView, keyframes: &[KeyframeId]) -> Vec<LandmarkId> {
     let mut ids: Vec<LandmarkId> = keyframes
         .iter()

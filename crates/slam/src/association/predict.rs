@@ -1,41 +1,42 @@
-//! Where a landmark should appear, and on which level of the pyramid.
+//! Predicts where a landmark appears in an image and on which pyramid level.
 //!
-//! Both follow ORB-SLAM2 (Mur-Artal, Tardos 2017): a landmark is recognised within the distances at which the pyramid shows it as its
-//! descriptor knows it, with a fifth to spare, and on the level that makes up for the distance.
+//! Both follow ORB-SLAM2 (Mur-Artal, Tardos 2017): a landmark is searched at distances that the pyramid covers, with a
+//! margin of a fifth, on the level whose scale corresponds to the distance.
 
 use stillpoint_features::Window;
 use stillpoint_geometry::Vec3;
 use stillpoint_map::{KeyframeData, Landmark, ScaleRange};
 
-/// Share of the nearest distance down to which a landmark is still recognised: about a level of 1.2 beyond the pyramid, as in ORB-SLAM2 (Mur-Artal,
-/// Tardos 2017).
+/// Share of the minimum distance below which a landmark is not searched: about one level of 1.2 beyond the pyramid, as
+/// in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const NEARER: f64 = 0.8;
-/// Share of the farthest distance up to which it is, as in ORB-SLAM2 (Mur-Artal, Tardos 2017): a level of 1.2 beyond the pyramid.
+/// Share of the maximum distance beyond which a landmark is not searched, as in ORB-SLAM2 (Mur-Artal, Tardos 2017):
+/// one level of 1.2 beyond the pyramid.
 const FARTHER: f64 = 1.2;
-/// A level is taken when it is missed by no more than this share of a level, chosen far above what rounding does: where the distance is that of the
-/// level itself, rounding must not lift it.
+/// Tolerance when rounding up to a level, share of a level, chosen far above the rounding error, so that a distance
+/// exactly on a level is not raised to the next.
 const LEVEL_SLACK: f64 = 1e-3;
-/// Points nearer than this have no useful projection, m. Chosen: a sixth of the default of `sensor.min_depth`.
+/// Minimum depth of a projected point, m. Chosen: a sixth of the default of `sensor.min_depth`.
 const MIN_Z: f64 = 0.05;
-/// Above any level that a pyramid has, or the top one of 16 (the most that `features.levels` allows): a landmark that is nearer than its coarsest
-/// level shows it is looked for one level above the top, where the window holds the top level alone.
+/// Maximum predicted level: the top one of 16 (the maximum of `features.levels`). A landmark nearer than its coarsest
+/// level is predicted one level above the top, so that the window holds only the top level.
 const TOP_LEVEL: f64 = 15.0;
 
-/// Whether a landmark can be recognised from a distance (m).
+/// Whether a landmark can be matched at this distance (m).
 pub(crate) fn is_in_range(range: &ScaleRange, distance: f64) -> bool {
     distance >= NEARER * f64::from(range.min_distance)
         && distance <= FARTHER * f64::from(range.max_distance)
 }
 
-/// The pyramid level, up to `top`, on which a landmark appears from a distance (m). `log_scale` is the logarithm of the factor between
-/// two levels.
+/// Predicted pyramid level, at most `top`, at this distance (m). `log_scale` is the logarithm of the scale factor
+/// between levels.
 pub(crate) fn level_at(range: &ScaleRange, distance: f64, log_scale: f64, top: f64) -> u8 {
     let ratio = f64::from(range.max_distance) / distance;
     libm::ceil(libm::log(ratio) / log_scale - LEVEL_SLACK).clamp(0.0, top) as u8
 }
 
-/// Where a keyframe should see a landmark at `p` (m, its camera coordinates): none when outside its image, or too near or far
-/// to be recognised. `radius_px` is the radius on level 0.
+/// Search window of a landmark at `p` (camera coordinates, m), or `None` if it is outside the image or its scale range.
+/// `radius_px` applies to level 0.
 pub(crate) fn window_of(
     data: &KeyframeData,
     landmark: &Landmark,
@@ -47,7 +48,7 @@ pub(crate) fn window_of(
         return None;
     }
     let px = data.camera.project(p);
-    // Those of the image: undistorting its border again for each landmark would take most of mapping's time.
+    // Cached bounds: undistorting the image border for each landmark would dominate mapping time.
     let bounds = data.grid.bounds().map(f64::from);
     if px.x < bounds[0] || px.y < bounds[1] || px.x > bounds[2] || px.y > bounds[3] {
         return None;

@@ -1,6 +1,5 @@
-//! The configuration of the whole system: one struct per stage, gathered here.
-//!
-//! Stands above the stages, which know nothing of it: `setup.rs` gives each its own part.
+//! Configuration of the whole system, one struct per stage. Stages do not depend on it: `setup.rs` gives each its own
+//! part.
 
 mod sections;
 mod setup;
@@ -16,20 +15,20 @@ use crate::tracking::{KeyframeConfig, TrackingConfig};
 use serde::{Deserialize, Serialize};
 use stillpoint_detection::MotionWeights;
 
-/// Everything that can be set. Defaults are meant for an RGB-D camera of 640x480 at 30 Hz.
+/// All settings. Defaults suit an RGB-D camera of 640x480 at 30 Hz.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Seed of every random choice. Range: any. The same seed gives the same result, bit for bit.
+    /// Seed of all random choices. Range: any. The same seed gives bit-identical results.
     pub seed: u64,
     /// Feature extraction.
     pub features: FeaturesConfig,
     /// The depth sensor's range and noise.
     pub sensor: SensorConfig,
-    /// Rejection of what moves.
+    /// Rejection of moving objects.
     pub static_filter: StaticFilterConfig,
-    /// How likely classes of objects are to move, 0 (ignored) to 5 (moves by itself), e.g. `chair = 2`: only those that differ from their
-    /// defaults. The names are those of COCO.
+    /// How likely classes of objects are to move, from 0 (ignored) to 5 (moves by itself), e.g. `chair = 2`. Classes
+    /// not given keep their defaults. Names are those of COCO.
     pub motion_weights: MotionWeights,
     /// Pose tracking.
     pub tracking: TrackingConfig,
@@ -39,19 +38,18 @@ pub struct Config {
     pub mapping: MappingConfig,
     /// Loop closing.
     pub looping: LoopingConfig,
-    /// Which frames the detector looks at.
+    /// Which frames are sent to the detector.
     pub detector: DetectorConfig,
     /// Delays of the background stages in the inline driver.
     pub schedule: Schedule,
 }
 
-/// Which frames the detector looks at.
+/// Which frames are sent to the detector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DetectorConfig {
-    /// The detector looks at every so many frames, from the first on. Range: 1 to 100. With `schedule.detector` as large it
-    /// stands for a detector that always takes the newest frame and is busy for so many: it does not look at those in
-    /// between, and tracking keeps its rate.
+    /// The detector processes every n-th frame, starting with the first. Range: 1 to 100. With the same value of
+    /// `schedule.detector`, it simulates a detector that always takes the newest frame and is busy for n frames.
     pub stride: u32,
 }
 
@@ -61,15 +59,15 @@ impl Default for DetectorConfig {
     }
 }
 
-/// Delays of replies in the inline driver, in frames; 0 means before the next frame.
+/// Delays of replies in the inline driver, frames; 0 means before the next frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Schedule {
-    /// Frames between an image and the detections in it. Range: 0 to 1000. 0: detections are there before their frame is
-    /// tracked, as when a data set is processed at leisure.
+    /// Frames between an image and its detections. Range: 0 to 1000. 0: detections are available before their frame is
+    /// tracked, as in offline processing.
     pub detector: u32,
     /// Frames between a keyframe and the map view that holds it. Range: 0 to 1000. 0: mapping keeps up with the camera.
     pub mapper: u32,
-    /// Frames between a keyframe and the correction that it led to. Range: 0 to 1000. 0: loops are closed at once.
+    /// Frames between a keyframe and the loop correction it leads to. Range: 0 to 1000. 0: loops are closed at once.
     pub loop_closer: u32,
 }

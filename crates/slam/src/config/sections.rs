@@ -1,4 +1,4 @@
-//! The section of the configuration that says of a crate below only what is worth setting; all else there is fixed, with its reason.
+//! The settings of the feature extractor that users can change.
 
 use serde::{Deserialize, Serialize};
 use stillpoint_features::OrbConfig;
@@ -7,11 +7,11 @@ use stillpoint_features::OrbConfig;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FeaturesConfig {
-    /// Keypoints wanted per image. Range: 100 to 10000. 1000 is what the peers use at 640x480: fewer lose accuracy, more cost time in
-    /// every later stage.
+    /// Keypoints per image. Range: 100 to 10000. 1000 is common in comparable systems at 640x480: fewer lose accuracy,
+    /// more cost time in every later stage.
     pub features: usize,
-    /// FAST threshold, grey levels: how much brighter or darker than the centre the arc must be. Range: 1 to 254. 20 keeps clear of
-    /// sensor noise; where that finds nothing, about a third of it still finds corners on plain walls.
+    /// FAST threshold, grey levels: how much brighter or darker than the centre the arc must be. Range: 1 to 254. 20 is
+    /// above sensor noise; where it finds nothing, about a third of it still finds corners on plain walls.
     pub fast_threshold: u8,
 }
 
@@ -26,7 +26,7 @@ impl Default for FeaturesConfig {
 }
 
 impl FeaturesConfig {
-    /// The extractor's whole configuration: these fields, and what is fixed.
+    /// The full extractor configuration, with the fixed values added.
     #[must_use]
     pub fn orb(&self) -> OrbConfig {
         OrbConfig {
@@ -34,7 +34,7 @@ impl FeaturesConfig {
             fast_threshold: self.fast_threshold,
             // 7 of 20, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
             fast_threshold_low: (u16::from(self.fast_threshold) * 7).div_ceil(20) as u8,
-            // One pyramid for all maps, so that any two of them can be joined; and corners are always refined.
+            // All maps share one pyramid, so that any two of them can be joined.
             ..OrbConfig::default()
         }
     }
@@ -47,7 +47,7 @@ mod tests {
     #[test]
     fn what_is_derived_is_what_the_crates_below_default_to() {
         assert_eq!(FeaturesConfig::default().orb(), OrbConfig::default());
-        // The lower threshold is one, and below the upper.
+        // The lower threshold must be valid for every upper one.
         for fast_threshold in 1..=254 {
             let config = FeaturesConfig {
                 fast_threshold,

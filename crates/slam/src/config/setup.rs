@@ -1,4 +1,4 @@
-//! What of the configuration concerns which stage.
+//! Distributes the configuration to the stages.
 
 use super::Config;
 use crate::looping::LoopCloserSetup;

@@ -1,10 +1,10 @@
-//! Whether a configuration makes sense: every field's range, all problems at once.
+//! Validation of a configuration.
 
 use super::Config;
 use crate::validation::{Checker, ConfigError};
 
 impl Config {
-    /// Checks every field's range and reports all problems at once.
+    /// Checks the range of every field and reports all problems at once.
     ///
     /// # Errors
     /// [`ConfigError`] with one entry per field out of range.

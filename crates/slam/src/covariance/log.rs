@@ -1,4 +1,4 @@
-//! The covariances of a whole trajectory, with what was known of the map in the end.
+//! Covariances of a whole trajectory, computed with the final map.
 
 use super::MapCovariance;
 use crate::trajectory::TrajectoryEntry;
@@ -12,16 +12,16 @@ use stillpoint_map::MapView;
 pub struct PoseCovariance {
     /// In the map around it.
     pub in_map: Mat6,
-    /// Relative to the origin of the map, or of the submap.
+    /// Relative to the origin of the map or submap.
     pub from_origin: Mat6,
 }
 
-/// Keeps the covariance of each frame in the map around it: a tenth of a kilobyte per frame.
+/// Records the local covariance of each frame; about 0.1 kB per frame.
 #[derive(Clone, Debug, Default)]
 pub struct CovarianceLog(BTreeMap<FrameId, [f32; 21]>);
 
 impl CovarianceLog {
-    /// Notes a frame whose pose was measured.
+    /// Records a frame whose pose was measured.
     pub fn note(&mut self, frame: FrameId, in_map: &Mat6) {
         let mut triangle = [0.0; 21];
         for (to, (r, c)) in triangle.iter_mut().zip(places()) {
@@ -30,8 +30,8 @@ impl CovarianceLog {
         self.0.insert(frame, triangle);
     }
 
-    /// The covariances of the poses of one map. A frame that was never noted, such as the first one, takes the covariance of the next noted frame, or else
-    /// of the last noted one. Returns none if no frame was noted.
+    /// Covariances of the poses of one map, or `None` if no frame was recorded. A frame that was not recorded, such as
+    /// the first, takes the covariance of the next recorded frame, else of the last one.
     #[must_use]
     pub fn of(
         &self,
@@ -61,7 +61,6 @@ impl CovarianceLog {
     }
 }
 
-/// The places of the lower triangle, row by row.
 fn places() -> impl Iterator<Item = (usize, usize)> {
     (0..6).flat_map(|r| (0..=r).map(move |c| (r, c)))
 }

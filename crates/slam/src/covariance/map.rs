@@ -1,7 +1,8 @@
-//! The error of the map itself. A keyframe inherits the error of the keyframe that it was tracked from, and adds one of its own.
+//! Covariance of the map itself: a keyframe inherits the error of its parent keyframe and adds its own.
 //!
-//! The first keyframe defines the origin of a map and has no error. A pose that shares landmarks with it has only the error of its own measurement.
-//! Farther away, landmarks were placed from uncertain poses, and errors accumulate from view to view.
+//! The first keyframe defines the origin and has no error. A pose that shares landmarks with it has only its own
+//! measurement error. Farther away, landmarks were triangulated from uncertain poses, so errors accumulate from view to
+//! view.
 
 use super::moved;
 use crate::least_first::Reached;
@@ -11,23 +12,23 @@ use stillpoint_geometry::nalgebra::ArrayStorage;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{Keyframe, KeyframeId, KeyframeSlot, MapView};
 
-/// The covariances of a map's keyframes. It takes those of the frames that become keyframes, and the versions of the map.
+/// Covariances of the keyframes of a map, updated from new keyframes and map versions.
 #[derive(Clone, Debug, Default)]
 pub struct MapCovariance {
-    /// Of keyframes in the map around them, in the axes of their cameras.
+    /// Covariance of each keyframe in the map around it, in camera axes.
     own: BTreeMap<KeyframeId, Mat6>,
-    /// Errors of keyframes relative to the origin of the map, or of the submap.
+    /// Error of each keyframe relative to the origin of the map or submap.
     drift: BTreeMap<KeyframeId, Drift>,
-    /// Keyframes that no version has had yet.
+    /// Keyframes not yet part of a map version.
     waiting: Vec<KeyframeId>,
     /// Number of loops in the newest version.
     loops: usize,
 }
 
-/// What lies between a keyframe and the one with which its map began.
+/// Accumulated error between a keyframe and the first one of its map.
 #[derive(Clone, Copy, Debug)]
 struct Drift {
-    /// Sum of the differences between views along the path, in fields of view.
+    /// Sum of view changes along the path, in fields of view.
     views: f64,
     /// Of a left perturbation of `world_from_camera`.
     covariance: Mat6,
@@ -39,7 +40,8 @@ impl Drift {
         covariance: Mat6::from_array_storage(ArrayStorage([[0.0; 6]; 6])),
     };
 
-    /// The drift at the other end of a tie. Beyond the first view, each view without overlap with the one before adds the error of one pose.
+    /// The drift at the other end of a tie. The first field of view adds nothing; beyond it, each non-overlapping view
+    /// adds the error of one pose.
     fn after(&self, tie: &Tie) -> Self {
         let views = self.views + tie.views;
         let new = views.max(1.0) - self.views.max(1.0);
@@ -50,17 +52,16 @@ impl Drift {
     }
 }
 
-/// Between two keyframes.
 struct Tie {
     ends: [KeyframeId; 2],
-    /// Difference of their views, in fields of view.
+    /// Difference between their views, in fields of view.
     views: f64,
-    /// Covariance of the newer one in the map around it, for a left perturbation in the world.
+    /// Local covariance of the newer keyframe, for a left perturbation in the world.
     own: Mat6,
 }
 
 impl MapCovariance {
-    /// That of a whole map, by the covariances of its keyframes in the map around them.
+    /// Covariances of a whole map, from the local covariances of its keyframes.
     #[must_use]
     pub fn of(own: BTreeMap<KeyframeId, Mat6>, view: &MapView) -> Self {
         let mut map = Self {
@@ -72,14 +73,15 @@ impl MapCovariance {
         map
     }
 
-    /// Notes a frame that becomes a keyframe, and its pose's covariance in the map around it, in the axes of the camera. Keyframes that were never noted, as those
-    /// of a map that was loaded, count as exact.
+    /// Records the local covariance of a frame that becomes a keyframe, in camera axes. Keyframes never recorded, such
+    /// as those of a loaded map, count as exact.
     pub fn note(&mut self, keyframe: KeyframeId, in_map: Mat6) {
         self.own.insert(keyframe, in_map);
         self.waiting.push(keyframe);
     }
 
-    /// Takes a version of the map. A new keyframe inherits the drift of its parent. After a loop, all keyframes get the drift along their shortest path.
+    /// Processes a version of the map. A new keyframe inherits the drift of its parent. After a loop, all drifts are
+    /// recomputed along shortest paths.
     pub fn follow(&mut self, view: &MapView) {
         let loops = view.loops().count();
         if loops != self.loops {
@@ -103,7 +105,7 @@ impl MapCovariance {
         }
     }
 
-    /// Covariance of the map's error at a pose that was measured from a keyframe, in the axes of the camera at that pose.
+    /// Covariance of the map error at a pose measured from keyframe `reference`, in camera axes at that pose.
     #[must_use]
     pub fn at(&self, view: &MapView, reference: KeyframeId, world_from_camera: &Se3) -> Mat6 {
         let live = view.resolve_keyframe(reference);
@@ -113,7 +115,6 @@ impl MapCovariance {
         })
     }
 
-    /// Keeps memory in proportion to the map, where that culls keyframes as fast as it gets them.
     fn forget_culled(&mut self, view: &MapView) {
         if self.own.len() > 2 * view.keyframe_count() + self.waiting.len() {
             let is_culled =
@@ -127,7 +128,7 @@ impl MapCovariance {
         let parent = view.keyframe(view.resolve_keyframe(k.parent?)?)?;
         let motion = parent.world_from_camera.inverse() * k.world_from_camera;
         let depth = k.data.median_depth(&mut Vec::new());
-        // Where nothing has a depth, nothing tells how much of the view is another.
+        // Without depth the overlap is unknown; a full field of view is assumed.
         let angle = depth.map(|z| view_angle(&motion, z));
         let camera = &k.data.camera;
         let field = 2.0 * libm::atan(0.5 * camera.width as f64 / camera.fx);
@@ -144,7 +145,8 @@ impl MapCovariance {
         }
     }
 
-    /// The ties between keyframes and their parents, and between the two ends of each loop. A loop counts as one measurement.
+    /// Connections between keyframes and their parents, and between the ends of each loop. A loop counts as one
+    /// measurement.
     fn ties(&self, view: &MapView) -> Vec<Tie> {
         let parents = view.keyframes().filter_map(|k| self.tie_to_parent(view, k));
         let loops = view.loops().filter_map(|edge| {
@@ -155,7 +157,7 @@ impl MapCovariance {
         parents.chain(loops).collect()
     }
 
-    /// The drift of each keyframe along the shortest path from the first keyframe of its component.
+    /// Drift of each keyframe along the shortest path from the first keyframe of its component.
     fn least(&self, view: &MapView) -> BTreeMap<KeyframeId, Drift> {
         let ties = self.ties(view);
         let mut of_end: BTreeMap<KeyframeId, Vec<usize>> = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! Laws of covariances: what makes them grow, and what does not.
+//! Properties of the covariances.
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 
 use super::*;
@@ -18,7 +18,6 @@ fn is_sound(covariance: &Mat6) -> bool {
         && covariance.cholesky().is_some()
 }
 
-/// Information of any shape.
 fn information() -> impl Strategy<Value = Mat6> {
     prop::collection::vec(-1.0..1.0_f64, 36).prop_map(|v| {
         let root = Mat6::from_row_slice(&v);
@@ -41,7 +40,7 @@ proptest! {
         }
     }
 
-    /// What matches err by together is not averaged out by more of them; what each errs by alone is.
+    /// Errors shared by all matches do not average out; independent ones do.
     #[test]
     fn shared_errors_do_not_average_out(information in information(), n in 30..1000_u32) {
         let of = |times: u32, s: f64| {
@@ -76,12 +75,12 @@ fn what_others_than_matches_tell_is_taken_at_their_word() {
     assert!(covariance_in_map(&Mat6::zeros(), None).is_none());
 }
 
-/// Millimetres and milliradians.
+/// 1 mm and 1 mrad.
 fn small() -> Mat6 {
     Mat6::identity() * 1e-6
 }
 
-/// A row of keyframes a metre apart that see nothing in common.
+/// A row of keyframes 1 m apart without common landmarks.
 fn row(count: u32) -> Map {
     let mut map = Map::new(8, 1.2);
     for id in 0..count {
@@ -97,7 +96,7 @@ fn own(count: u32) -> BTreeMap<KeyframeId, Mat6> {
     (1..count).map(|id| (KeyframeId(id), small())).collect()
 }
 
-/// Variance of the place across the row at a keyframe, m^2.
+/// Variance perpendicular to the row at a keyframe, m^2.
 fn across(covariance: &MapCovariance, map: &Map, id: u32) -> f64 {
     let id = KeyframeId(id);
     let pose = map.view().world_from_keyframe(id).unwrap();
@@ -111,14 +110,14 @@ fn a_map_is_off_by_more_with_every_view_that_is_another() {
     let map = row(8);
     let whole = MapCovariance::of(own(8), map.view());
     let at = |id| across(&whole, &map, id);
-    // Where it begins it is exact, and who sees a part of that as well.
+    // The first keyframe and those overlapping with it are exact.
     assert_eq!([at(0), at(1)], [0.0, 0.0]);
     for id in 2..8 {
         assert!(at(id) > at(id - 1), "{id}");
     }
-    // A turn of the first of them moves whatever comes far behind it.
+    // A rotation error early in the row displaces distant keyframes.
     assert!(at(7) - at(6) < at(6) && at(7) > 6.0 * 1e-6);
-    // As keyframes come, one by one, it is the same.
+    // Incremental updates give the same result.
     let mut growing = MapCovariance::default();
     for id in 1..8 {
         growing.note(KeyframeId(id), small());
@@ -143,7 +142,7 @@ fn who_turns_by_less_than_a_field_of_view_sees_what_the_first_saw() {
         let whole = MapCovariance::of(own(8), world.map.view());
         across(&whole, &world.map, 7)
     };
-    // The synthetic camera sees 65 degrees: 7 times 8 are less.
+    // The synthetic camera's field of view is 65 degrees, more than 7 steps of 8 degrees.
     assert_eq!(at(0.14), 0.0);
     assert!(at(0.3) > at(0.2) && at(0.2) > 0.0);
 }
@@ -169,7 +168,7 @@ fn a_loop_brings_its_end_near_to_the_beginning() {
     });
     covariance.follow(map.view());
     let after = [4, 7].map(|id| across(&covariance, &map, id));
-    // The end is one view away now, and what is in the middle no nearer than it was.
+    // The end is now one view from the beginning; the middle has not improved.
     assert_eq!(after[1], 0.0);
     assert!(
         after[0] <= before[0] && before[1] > before[0],

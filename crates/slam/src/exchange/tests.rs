@@ -1,4 +1,4 @@
-//! What an exchange takes and refuses.
+//! Messages that the exchange takes and refuses.
 
 use super::*;
 use crate::config::Config;
@@ -38,7 +38,7 @@ fn what_nobody_sent_is_refused_and_changes_nothing() {
         let refused = exchange.take(&entry, None).unwrap_err();
         assert_eq!((&*refused.expected, refused.found), (&entry, None));
     }
-    // Another frame than the entry names.
+    // A frame other than the one named.
     let refused = exchange.take(&LogEntry::of_frame(&frame(3)), Some(&frame(4)));
     let found = refused.unwrap_err().found;
     assert_eq!(found.as_deref(), Some(&LogEntry::of_frame(&frame(4))));
@@ -71,7 +71,7 @@ fn a_message_waits_until_its_own_entry_takes_it() {
         let event = exchange.take(&named(k), None).unwrap();
         assert!(matches!(event, Some(Event::Rejudged { .. })));
     }
-    // What it did goes to the loop closer, and the views to the tracker; older ones are gone once a newer one was taken.
+    // The report goes to the loop closer, the views to the tracker. Taking a view discards older ones.
     assert!(matches!(
         exchange.next_for_loop_closer(),
         Some(LogEntry::LoopRejudged { .. })

@@ -1,31 +1,28 @@
-//! Whether people, or things that move, fill the image: reported also for a frame that is lost before its features are judged.
+//! Share of the image covered by people or moving objects, known even for frames lost before the static filter ran.
 
 use crate::static_filter::{FeatureVerdict, MOVER};
 use stillpoint_detection::{BoundingBox, Detections, MotionWeights};
 
-/// What was seen longer ago says nothing of now, s: chosen, as a person who walks at 1.3 m/s (Bohannon, Age and Ageing 1997) goes 2.6 m meanwhile,
-/// which is about the width of a view at 2 m.
+/// Maximum age of observations, s: chosen, as a person who walks at 1.3 m/s (Bohannon, Age and Ageing 1997) moves 2.6 m
+/// meanwhile, about the width of a view at 2 m.
 const RECENT: f64 = 2.0;
 
-/// What was seen to move of late.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crowd {
-    /// Boxes of what moves by itself in the newest detections, and their stamp.
+    /// Boxes of self-moving classes in the newest detections.
     boxes: Vec<BoundingBox>,
     detected: Option<f64>,
-    /// Share of the keypoints that moved in the last frame in which that was judged, and its stamp.
+    /// Stamp, and share of moving keypoints, of the last frame judged by the static filter.
     judged: Option<(f64, f64)>,
 }
 
 impl Crowd {
-    /// Stamp of the newest detections.
     pub(super) fn detected(&self) -> Option<f64> {
         self.detected
     }
 
-    /// Notes what a detector said.
     pub(super) fn observe(&mut self, detections: &Detections, weights: &MotionWeights) {
-        // Late answers come in any order.
+        // Late detections may arrive in any order.
         if self.detected.is_some_and(|s| s > detections.stamp) {
             return;
         }
@@ -35,12 +32,11 @@ impl Crowd {
         self.boxes = movers.map(|d| d.bounds).collect();
     }
 
-    /// Notes which share of the keypoints moves.
     pub(super) fn judge(&mut self, stamp: f64, share: f64) {
         self.judged = Some((stamp, share));
     }
 
-    /// Share of the keypoints that lie on what moves, as far as it is known.
+    /// Share of the keypoints on moving objects, as far as known.
     pub(super) fn share(&self, stamp: f64, verdicts: &[FeatureVerdict]) -> f64 {
         let is_recent = |seen: f64| (0.0..=RECENT).contains(&(stamp - seen));
         let judged = self.judged.filter(|(seen, _)| is_recent(*seen));
@@ -56,7 +52,8 @@ impl Crowd {
         judged.max(held as f64 / verdicts.len() as f64)
     }
 
-    /// Brings stamps to a clock that was set by `by`, s. Boxes cannot be: who sent them may count on either way.
+    /// Shifts stamps after the clock was set by `by`, s. Boxes are dropped, since the detector may still use the old
+    /// clock.
     pub(super) fn set_clock(&mut self, by: f64) {
         self.boxes.clear();
         self.detected = None;
@@ -103,10 +100,10 @@ mod tests {
         crowd.observe(&seen(1.0, "person"), &weights);
         assert!(crowd.share(1.5, &verdicts()) == 0.75);
         assert!(crowd.share(3.5, &verdicts()) == 0.0);
-        // An older answer that comes later changes nothing, nor does a frame without keypoints.
+        // Neither a late older detection nor a frame without keypoints changes anything.
         crowd.observe(&seen(0.5, "chair"), &weights);
         assert!(crowd.share(1.5, &verdicts()) == 0.75 && crowd.share(1.5, &[]) == 0.0);
-        // A chair does not walk.
+        // A chair does not move by itself.
         crowd.observe(&seen(2.0, "chair"), &weights);
         assert!(crowd.share(2.0, &verdicts()) == 0.0);
         assert_eq!(crowd.detected(), Some(2.0));

@@ -1,4 +1,4 @@
-//! Why the camera is lost, in words that somebody who holds it can use.
+//! Causes of tracking loss, described for the person holding the camera.
 
 use crate::report::{FrameCounts, LostReason};
 use stillpoint_imaging::{FrameId, RgbdFrame};
@@ -7,34 +7,34 @@ use stillpoint_imaging::{FrameId, RgbdFrame};
 const BLACK: f64 = 16.0;
 /// Mean grey level above which an image without contrast is white: 255 less [`BLACK`].
 const WHITE: f64 = 239.0;
-/// An image has no contrast where the standard deviation of its pixels is below this, grey levels: half of [`BLACK`], so that a dark image with some
-/// contrast is not called black; chosen.
+/// Standard deviation of the pixels below which an image has no contrast, grey levels: half of [`BLACK`], so that a
+/// dark image with some contrast is not called black; chosen.
 const FLAT: f64 = 8.0;
-/// Share of the pixels with depth below which there is none: a sensor at work has some at every edge. Chosen: one pixel in twenty is far below what
-/// any view of a room gives.
+/// Share of pixels with depth below which the depth image counts as empty: a working sensor measures some at every
+/// edge. Chosen: one pixel in twenty is far below any view of a room.
 const NO_DEPTH: f64 = 0.05;
-/// Share of the keypoints that move from which on nothing else is worth telling: the majority, by definition.
+/// Share of moving keypoints from which a crowd is reported as the cause: the majority, by definition.
 const CROWD: f64 = 0.5;
-/// Pixels between two that are looked at, along x and y: chosen, as the 4800 pixels of 640x480 that remain tell a share to 0.7 % (one standard
-/// deviation of a binomial share of a half).
+/// Distance between sampled pixels along x and y, px: chosen, as the 4800 samples of 640x480 give a share to 0.7 % (one
+/// standard deviation of a binomial share of a half).
 const STEP: usize = 8;
 
-/// A loss that lasts.
+/// An ongoing tracking loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loss {
     /// Its first frame.
     pub since: FrameId,
-    /// How long it has lasted, s of the camera's time.
+    /// Duration, s of the camera's time.
     pub seconds: f64,
-    /// Which step of tracking gave up in this frame.
+    /// The step of tracking that failed in this frame.
     pub reason: LostReason,
-    /// What is most likely the cause.
+    /// Most likely cause.
     pub cause: LossCause,
-    /// Whether there is a map, so that a place can be recognised.
+    /// Whether a map exists in which the camera can relocalise.
     pub can_recognise: bool,
 }
 
-/// What makes a camera lost, with what tells it.
+/// Cause of a tracking loss, with the figures that show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum LossCause {
@@ -42,48 +42,48 @@ pub enum LossCause {
     Dark {
         /// Keypoints in the image.
         keypoints: u32,
-        /// Keypoints without which there is no pose.
+        /// Minimum number of keypoints for a pose.
         needed: u32,
     },
     /// The image is white: too much light.
     Dazzled {
         /// Keypoints in the image.
         keypoints: u32,
-        /// Keypoints without which there is no pose.
+        /// Minimum number of keypoints for a pose.
         needed: u32,
     },
-    /// The image shows too little texture: a blank wall, or blur.
+    /// Too little texture: a blank wall, or blur.
     Blank {
         /// Keypoints in the image.
         keypoints: u32,
-        /// Keypoints without which there is no pose.
+        /// Minimum number of keypoints for a pose.
         needed: u32,
     },
     /// The depth image is empty.
     NoDepth {
-        /// Share of the pixels that have a depth.
+        /// Share of the pixels that have depth.
         pixels: f64,
     },
-    /// Too few keypoints have a depth.
+    /// Too few keypoints have depth.
     FewDepths {
-        /// Keypoints that have one.
+        /// Keypoints with depth.
         keypoints: u32,
-        /// Those without which no map begins.
+        /// Minimum number to start a map.
         needed: u32,
     },
-    /// Most of what is seen moves.
+    /// Most of the image moves.
     Crowd {
         /// Share of the keypoints that move, or lie in boxes of people and the like.
         moving: f64,
     },
-    /// What is seen is not in the map.
+    /// The view does not match the map.
     Unknown {
-        /// Keypoints that match something known.
+        /// Keypoints matched to the map.
         matches: u32,
-        /// Those without which there is no pose.
+        /// Minimum number for a pose.
         needed: u32,
     },
-    /// The image is that of the frame before.
+    /// The image repeats the previous one.
     Repeated,
     /// Matches do not agree on one pose.
     Contradiction {
@@ -91,13 +91,13 @@ pub enum LossCause {
         agreed: u32,
         /// Matches.
         matches: u32,
-        /// Those without which no pose counts.
+        /// Minimum number of agreeing matches for a pose.
         needed: u32,
     },
 }
 
 impl LossCause {
-    /// What helps.
+    /// Suggested action.
     #[must_use]
     pub fn remedy(&self) -> &'static str {
         match self {
@@ -115,13 +115,11 @@ impl LossCause {
         }
     }
 
-    /// Whether the remedy speaks of known places itself.
     fn is_about_places(&self) -> bool {
         matches!(self, Self::Unknown { .. } | Self::Contradiction { .. })
     }
 }
 
-/// A share as a whole number of percent.
 pub(super) fn percent(share: f64) -> f64 {
     libm::round(100.0 * share)
 }
@@ -178,8 +176,8 @@ impl std::fmt::Display for LossCause {
     }
 }
 
-/// One line, e.g. `lost for 1.2 s: the image is black or covered (3 keypoints; 30 needed); uncover the lens or make light, and
-/// show it a place that it has seen`.
+/// One line, e.g. `lost for 1.2 s: the image is black or covered (3 keypoints; 30 needed); uncover the lens or make
+/// light, and show it a place that it has seen`.
 impl std::fmt::Display for Loss {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { seconds, cause, .. } = self;
@@ -191,14 +189,12 @@ impl std::fmt::Display for Loss {
     }
 }
 
-/// What an image looks like from afar, by every eighth pixel of every eighth row.
+/// Image statistics from every eighth pixel of every eighth row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Look {
-    /// Mean grey level.
     mean: f64,
     /// Standard deviation of the grey levels.
     contrast: f64,
-    /// Share of the pixels that have a depth.
     pub(super) depth: f64,
 }
 
@@ -229,18 +225,17 @@ impl Look {
     }
 }
 
-/// What is known of a frame without a pose.
 pub(super) struct Clues<'a> {
     pub(super) reason: LostReason,
     pub(super) counts: &'a FrameCounts,
     pub(super) look: Look,
-    /// Share of the keypoints that lie on what moves.
+    /// Share of the keypoints on moving objects.
     pub(super) moving: f64,
-    /// Keypoints, or of these the ones with depth, without which there is no pose.
+    /// Minimum number of keypoints (with depth, to start a map) for a pose.
     pub(super) needed: u32,
 }
 
-/// What makes the camera lost: what can be seen in the image comes before what tracking made of it.
+/// Most likely cause of the loss. Properties of the image take precedence over the failed tracking step.
 pub(super) fn cause(clues: &Clues<'_>) -> LossCause {
     let Clues {
         reason,

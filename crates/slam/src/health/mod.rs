@@ -1,9 +1,8 @@
-//! Health: the state of the run at a frame, for people and programs that rely on the pose.
+//! Health: the quality of the pose and state of the run at a frame, for people and programs that rely on the pose.
 //!
-//! Answers: how good the pose is, how uncertain, what moves, how old is what detection and mapping know, and why the camera is lost. A
-//! pure function of the frames and detections that the tracker took and of what it said of them, so a replay gives the same; times are
-//! the camera's own, by stamps. Stands beside the stages: none of them knows of it. Says nothing of threads and clocks, which is the
-//! business of the driver that has them.
+//! Reports quality and covariance of the pose, moving shares, age of detections and map, and the cause of a loss. A
+//! pure function of the tracker's inputs and outputs with times from stamps, so a replay reproduces it. No stage
+//! depends on it.
 
 mod crowd;
 mod loss;
@@ -28,50 +27,52 @@ use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Standstill};
 use stillpoint_map::MapView;
 
-/// How fast a pose is carried that rides on somebody, per axis, m/s and rad/s: one standard deviation. People walk at 1 m/s, and one start in
-/// some rides.
+/// Standard deviation of the speed at which a pose that follows a moving person is displaced, per axis, m/s and rad/s.
+/// People walk at 1 m/s, and one start in some follows a person.
 const CARRIED_M_S: f64 = 0.2;
-/// How fast such a ride turns the pose, per axis, rad/s: one standard deviation, which moves what is seen at 2 m by as much as [`CARRIED_M_S`] does.
+/// Likewise for rotation, per axis, rad/s: one standard deviation, which displaces points at 2 m by as much as [`CARRIED_M_S`] does.
 const CARRIED_RAD_S: f64 = 0.1;
 
-/// How well things stand at a frame.
+/// Tracking health at a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Health {
     /// The frame.
     pub frame: FrameId,
     /// Its colour stamp, s.
     pub stamp: f64,
-    /// How well it was tracked; zeros when it is lost.
+    /// Tracking quality; zeros if lost.
     pub quality: Quality,
-    /// Covariance of the pose `world_from_camera`, as a twist `[translation; rotation]` (m^2, m rad, rad^2) in the axes of the
-    /// camera: `truth = world_from_camera * exp(e)` with e of this covariance. The truth is relative to where the map began, or the submap: what the map is off
-    /// by is in it, and while it is undecided who moves, being carried along. None for a frame without a pose, for
-    /// one that begins a map (its pose is exact, by definition), and when the measurements leave a direction open.
+    /// Covariance of the pose `world_from_camera`, as a twist `[translation; rotation]` (m^2, m rad, rad^2) in camera
+    /// axes: `truth = world_from_camera * exp(e)` with e of this covariance. The truth is relative to the origin of the
+    /// map or submap; the error of the map is included, as is, while it is undecided which surfaces move, displacement
+    /// with them. `None` without a pose, for the first frame of a map (exact by definition), and if the measurements
+    /// leave a direction unconstrained.
     pub covariance: Option<Mat6>,
-    /// The part of it that is this frame's own: what its pose is off by in the map around it; zeros for one that begins a map. Poses within some seconds differ by
-    /// what this tells of both ([`Health::covariance_since`]).
+    /// The part due to this frame's pose in the map around it; zero for the first frame of a map. For the motion
+    /// between nearby poses see [`Health::covariance_since`].
     pub covariance_in_map: Option<Mat6>,
-    /// Share of the keypoints that stand still; 0, as [`Health::dynamic_share`], when that was not judged because the frame was
-    /// lost before.
+    /// Share of static keypoints; 0, like [`Health::dynamic_share`], if the frame was lost before the static filter
+    /// ran.
     pub static_share: f64,
-    /// Share of the keypoints that move, among them those that are used all the same because too few others are left.
+    /// Share of moving keypoints, including those used nevertheless because too few static ones remain.
     pub dynamic_share: f64,
-    /// Share of the pixels that have a depth.
+    /// Share of the pixels that have depth.
     pub depth_share: f64,
-    /// By how much the frame's stamp is later than that of the newest detections that tracking knows, s; none before the first.
+    /// Age of the newest detections known to tracking, by stamps, s; `None` before the first.
     pub detections_age: Option<f64>,
-    /// Time since the frame at which tracking got its present view of the map, s; none before the first change of the map.
+    /// Time since tracking received its current view of the map, s; `None` before the first change of the map.
     pub map_age: Option<f64>,
-    /// Whether it is undecided who moves, so that the pose may ride on somebody: as a map has just begun, which the covariance allows for, and then the pose may
-    /// be replaced later; or as few landmarks agree while much moves.
+    /// Whether it is undecided which surfaces move, so that the pose may follow a moving object. This happens at the
+    /// beginning of a map, where the covariance allows for it and the pose may be replaced later, and when few
+    /// landmarks agree while much moves.
     pub undecided: bool,
-    /// Why there is no pose; none when there is one.
+    /// Why there is no pose; `None` if there is one.
     pub loss: Option<Loss>,
-    /// What of the frame stands still.
+    /// Static part of the frame.
     pub still: Option<Standstill>,
-    /// Whether the inertial sensor is believed; none where there is none.
+    /// State of the inertial sensor, if there is one.
     pub inertial: Option<InertialState>,
-    /// Whether the odometry is believed; none where there is none.
+    /// State of the odometry, if there is one.
     pub odometry: Option<OdometryState>,
 }
 
@@ -82,14 +83,15 @@ impl Health {
         self.covariance.as_ref().map(|c| block_sigma(c, 0))
     }
 
-    /// Standard deviation of the direction, rad: root of the sum of its three variances.
+    /// Standard deviation of the rotation, rad: root of the sum of its three variances.
     #[must_use]
     pub fn sigma_rad(&self) -> Option<f64> {
         self.covariance.as_ref().map(|c| block_sigma(c, 3))
     }
 
-    /// Covariance of the motion from an earlier frame to this one, `[translation; rotation]` in the axes of the camera here, m and rad: what the map is off by is in both
-    /// and cancels, as do errors that last. While it is undecided who moves, it allows for being carried along meanwhile. None where either has none.
+    /// Covariance of the motion from an earlier frame to this one, `[translation; rotation]` in the axes of the camera
+    /// here, m and rad. Errors of the map and other lasting errors cancel. While it is undecided which surfaces move,
+    /// it allows for displacement with them. `None` if either pose has no covariance.
     #[must_use]
     pub fn covariance_since(&self, before: &Self, before_from_here: &Se3) -> Option<Mat6> {
         let (earlier, later) = (before.covariance_in_map?, self.covariance_in_map?);
@@ -98,8 +100,8 @@ impl Health {
         Some(carried(sum, self.undecided.then_some(seconds)))
     }
 
-    /// The covariance in the axes of the world, as robots' middleware wants it: of the position `[x, y, z]`, m, and of a turn
-    /// about the world's axes, rad.
+    /// The covariance in world axes, as in ROS: of the position `[x, y, z]`, m, and of a rotation about the world's
+    /// axes, rad.
     #[must_use]
     pub fn covariance_in_world(&self, world_from_camera: &Se3) -> Option<Mat6> {
         let r = world_from_camera.rotation_matrix();
@@ -110,7 +112,7 @@ impl Health {
     }
 }
 
-/// The covariance of a pose by what was measured, `covariance`, and by how far it may have been carried within `undecided` seconds.
+/// Adds the displacement with a moving object within `undecided` seconds to a pose's covariance.
 fn carried(mut covariance: Mat6, undecided: Option<f64>) -> Mat6 {
     let since = undecided.unwrap_or(0.0);
     for (i, speed) in [CARRIED_M_S, CARRIED_RAD_S].into_iter().enumerate() {
@@ -126,8 +128,8 @@ fn block_sigma(covariance: &Mat6, at: usize) -> f64 {
     (variance(0) + variance(1) + variance(2)).sqrt()
 }
 
-/// One line, e.g. `quality 0.82 | +-1.3 mm 0.05 deg | static 81 % | detection 0.12 s ago | map 0.4 s ago`, or why the camera is
-/// lost.
+/// One line, e.g. `quality 0.82 | +-1.3 mm 0.05 deg | static 81 % | detection 0.12 s ago | map 0.4 s ago`, or the cause
+/// of the loss.
 impl std::fmt::Display for Health {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "quality {:.2}", self.quality.value())?;
@@ -161,23 +163,21 @@ impl std::fmt::Display for Health {
     }
 }
 
-/// Watches over the frames of one run. A driver shows it the detections that the tracker receives and its reports, in that order.
+/// Computes the health of each frame of a run. The driver passes the detections that the tracker receives, and its
+/// reports, in order.
 #[derive(Clone, Debug)]
 pub struct HealthMonitor {
     weights: MotionWeights,
-    /// Inliers without which no pose counts, and points with depth without which no map begins.
+    /// Minimum number of inliers of a pose, and of points with depth to start a map.
     min_inliers: u32,
     min_initial_points: u32,
     crowd: Crowd,
-    /// Stamp of the frame before.
     before: Option<f64>,
-    /// Version of the map at the frame before.
     version: Option<u64>,
-    /// Stamp of the first frame with the present version; none before there was a change.
+    /// Stamp of the first frame with the current version; `None` before the first change.
     mapped: Option<f64>,
-    /// The first frame of the present loss, and its stamp.
+    /// First frame of the current loss, and its stamp.
     lost: Option<(FrameId, f64)>,
-    /// What the map is off by.
     map: MapCovariance,
 }
 
@@ -198,12 +198,12 @@ impl HealthMonitor {
         }
     }
 
-    /// Takes detections that the tracker takes.
+    /// Records detections that the tracker received.
     pub fn receive(&mut self, detections: &Detections) {
         self.crowd.observe(detections, &self.weights);
     }
 
-    /// Brings what is known to the clock of a frame: nothing, unless that was set back since the frame before.
+    /// Shifts stored stamps if the clock was set back since the last frame.
     fn handle_clock(&mut self, stamp: f64) {
         let Some(before) = self.before.replace(stamp).filter(|b| stamp <= *b) else {
             return;
@@ -214,14 +214,14 @@ impl HealthMonitor {
         self.lost = self.lost.map(|(frame, stamp)| (frame, stamp + by));
     }
 
-    /// How things stand at a frame, by what the tracker says of it and the version of the map that it has now.
+    /// Health of a frame from the tracker's report and its current version of the map.
     pub fn judge(&mut self, frame: &RgbdFrame, tracked: &Tracked, view: &MapView) -> Health {
         let Tracked {
             report, evidence, ..
         } = tracked;
         self.handle_clock(report.stamp);
         let stamp = report.stamp;
-        // Detections may be of a frame that is still to come.
+        // Detections may belong to a later frame.
         let age = |since: f64| (stamp - since).max(0.0);
         if self.version.is_some_and(|v| v != report.map_version) {
             self.mapped = Some(stamp);
@@ -257,7 +257,7 @@ impl HealthMonitor {
         }
         self.lost = None;
         let begins = report.outcome == Outcome::Initialised;
-        // By what was stated of the measurements: whether matches scatter more is seen in how many agree.
+        // Uses the stated variances: excess scatter already shows in the share of inliers.
         let stated = evidence.information.as_ref().and_then(pose_covariance);
         let stated = if begins { Some(Mat6::zeros()) } else { stated };
         health.quality = Quality::of(&Measured {
@@ -275,7 +275,6 @@ impl HealthMonitor {
         health
     }
 
-    /// The covariance of a pose that was measured.
     fn tell_covariance(&mut self, tracked: &Tracked, view: &MapView, health: &mut Health) {
         let Tracked {
             report, evidence, ..
@@ -286,7 +285,7 @@ impl HealthMonitor {
         let Some(in_map) = in_map else {
             return;
         };
-        // The first keyframe of a map waits for a later frame, and is exact.
+        // The first keyframe of a map is inserted late, and is exact.
         let own = tracked.keyframe.as_ref().filter(|k| k.reference.is_some());
         if let Some(keyframe) = own {
             self.map.note(keyframe.id, in_map);
@@ -300,7 +299,7 @@ impl HealthMonitor {
         ));
     }
 
-    /// What is known of the loss that began at the frame `since`, at the frame that was `tracked`.
+    /// Describes the loss that began at frame `since`, as of the frame `tracked`.
     fn loss(&mut self, tracked: &Tracked, since: FrameId, reason: LostReason, look: Look) -> Loss {
         let Tracked {
             report, evidence, ..

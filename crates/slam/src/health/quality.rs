@@ -1,47 +1,46 @@
-//! How good a pose is: four numbers from 0 to 1, of which the least counts.
+//! Quality of a pose: the minimum of four values from 0 to 1.
 
-/// So many times the inliers that a pose needs are as good as more, a factor: beyond four times more keypoints gain nothing, and five are no better
-/// (decision 17).
+/// Factor on the minimum number of inliers from which the value is 1: beyond four times, more keypoints gain nothing,
+/// and five are no better (decision 17).
 const PLENTY: f64 = 5.0;
-/// Share of the matches that agrees with the pose when all is well: the rest are what any matching mistakes. Chosen: three matches of four, so that
-/// quality begins to fall when mistakes exceed one in four.
+/// Share of inliers among the matches in a good frame: the rest are usual mismatches. Chosen: three matches of four, so
+/// that quality begins to fall when mismatches exceed one in four.
 const USUAL_AGREEMENT: f64 = 0.75;
-/// Cells of the image with inliers, as a share, when all is well: walls and floors have none. Chosen: they fill about the other half of a room's
-/// view.
+/// Share of image cells with inliers in a good frame: blank walls and floors have none. Chosen: they fill about the
+/// other half of a room's view.
 const USUAL_SPREAD: f64 = 0.5;
-/// Standard deviation of the place of a pose that is half certain, m: chosen, of the size of errors among people, which have medians of 6 mm
-/// (fr1_xyz_walkers) and 14 mm (fr1_rpy_walkers; decision 45).
+/// Standard deviation of the position at which certainty is one half, m: chosen, about the size of errors among people,
+/// which have medians of 6 mm (fr1_xyz_walkers) and 14 mm (fr1_rpy_walkers; decision 45).
 const HALF_CERTAIN_M: f64 = 0.01;
-/// Standard deviation of the direction of a pose that is half certain, rad: it moves what is seen at 1 m by [`HALF_CERTAIN_M`].
+/// Standard deviation of the rotation at which certainty is one half, rad: it displaces points at 1 m by [`HALF_CERTAIN_M`].
 const HALF_CERTAIN_RAD: f64 = 0.01;
 
 use crate::evidence::Cells;
 
-/// How well a frame was tracked. Each part is 0 at worst and 1 when there is nothing to wish for; all are 0 for a frame that is
-/// lost. [`Quality::value`] is the least of them: a chain is as strong as its weakest link, and parts that depend on each other
-/// are not counted twice.
+/// Tracking quality. Each part runs from 0 (worst) to 1 (best); all are 0 for a lost frame. [`Quality::value`] is their
+/// minimum, so that correlated parts are not counted twice.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Quality {
-    /// Whether there are enough inliers: their number, by five times [`min_inliers`](crate::TrackingConfig::min_inliers), at
-    /// most 1. A pose that just counts has 0.2.
+    /// Number of inliers relative to five times [`min_inliers`](crate::TrackingConfig::min_inliers), at most 1. A pose
+    /// with just enough inliers has 0.2.
     pub inliers: f64,
-    /// Whether the matches agree: the share of them that fits the pose, by 0.75, at most 1.
+    /// Share of inliers among the matches, relative to 0.75, at most 1.
     pub agreement: f64,
-    /// Whether the inliers lie all over the image: the share of 8x6 cells that have one, by 0.5, at most 1.
+    /// Distribution of the inliers: share of the 8x6 cells that have one, relative to 0.5, at most 1.
     pub spread: f64,
-    /// Whether the pose is certain: `1 / (1 + (s_m / 1 cm)^2 + (s_rad / 10 mrad)^2)` with the standard deviations of
-    /// position and direction; 0 when the matches leave a direction open.
+    /// Certainty: `1 / (1 + (s_m / 1 cm)^2 + (s_rad / 10 mrad)^2)` with the standard deviations of position and
+    /// rotation; 0 if the matches leave a direction unconstrained.
     pub certainty: f64,
 }
 
 impl Quality {
-    /// Quality in `[0, 1]`: the least of the parts.
+    /// Quality in `[0, 1]`: the minimum of the parts.
     #[must_use]
     pub fn value(&self) -> f64 {
         self.weakest().1
     }
 
-    /// The part that limits the quality, in words, and its value.
+    /// Description and value of the lowest part.
     #[must_use]
     pub fn weakest(&self) -> (&'static str, f64) {
         let parts = [
@@ -59,7 +58,6 @@ impl Quality {
         least
     }
 
-    /// The quality of a pose.
     pub(super) fn of(measured: &Measured) -> Self {
         let Measured {
             agreed,
@@ -81,17 +79,16 @@ impl Quality {
     }
 }
 
-/// What the quality of a pose is judged by.
+/// Inputs of the quality of a pose.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measured {
-    /// Matches that agree with the pose.
     pub(super) agreed: u32,
-    /// Matches that it was sought from.
+    /// Matches used to estimate the pose.
     pub(super) matched: u32,
-    /// Inliers without which no pose counts.
+    /// Minimum number of inliers of a pose.
     pub(super) needed: u32,
     pub(super) cells: Cells,
-    /// Standard deviations of position (m) and direction (rad), when they are known.
+    /// Standard deviations of position (m) and rotation (rad), if known.
     pub(super) sigmas: Option<(f64, f64)>,
 }
 
@@ -124,12 +121,12 @@ mod tests {
             prop_assert!(q.weakest().1 == q.value());
         }
 
-        /// Whatever gets better, the quality does not get worse.
+        /// Improving any input does not reduce the quality.
         #[test]
         fn quality_is_monotone(m in measured(), more in 1..100_u32, cell in 0..Cells::COUNT, less in 0.0..1.0f64) {
             let before = Quality::of(&m).value();
             let better = [
-                // A wrong match that turns out to be right, and one more that is.
+                // A match that becomes an inlier, and an additional inlier.
                 Measured { agreed: (m.agreed + more).min(m.matched), ..m },
                 Measured { agreed: m.agreed + more, matched: m.matched + more, ..m },
                 Measured { matched: m.matched - (m.matched - m.agreed).min(more), ..m },

@@ -47,7 +47,6 @@ fn monitor() -> HealthMonitor {
     HealthMonitor::new(&Config::default())
 }
 
-/// In a map, with a frame per second.
 fn judge(
     monitor: &mut HealthMonitor,
     id: u32,
@@ -115,7 +114,7 @@ fn times_are_the_cameras() {
     assert!(third.loss.is_some_and(|l| l.seconds == 0.0));
     let fourth = at(&mut monitor, 5, lost(3), 8);
     assert!(fourth.loss.is_some_and(|l| l.seconds == 2.0));
-    // The clock is set back by 3 s: what lasted goes on lasting, and how long it took is not known.
+    // The clock is set back by 3 s: durations continue, but the time lost is unknown.
     let in_map = Evidence {
         has_map: true,
         ..evidence
@@ -127,7 +126,6 @@ fn times_are_the_cameras() {
         fifth.loss
     );
     assert_eq!((fifth.map_age, fifth.detections_age), (Some(4.0), None));
-    // Another loss, with a pose between or not.
     let sixth = judge_at(&mut monitor, (7, 3.0), (lost(7), 9), &in_map);
     assert!(sixth.loss.is_some_and(|l| l.seconds == 0.0));
 }
@@ -163,7 +161,7 @@ fn a_black_frame_without_depth_is_reported_as_such() {
     );
 }
 
-/// A covariance of a pose that is given in the axes of the camera, and the same one in those of the world.
+/// Health of a pose with these standard deviations in camera axes.
 fn with_covariance(sigmas: [f64; 6]) -> Health {
     let mut monitor = monitor();
     let weights = sigmas.map(|s| 1.0 / (s * s));
@@ -191,7 +189,7 @@ fn a_line_tells_all() {
 }
 
 proptest! {
-    /// A point seen by the camera is moved by an error in the camera's axes as by the same error in the world's.
+    /// A pose error moves a point equally in camera axes and in world axes.
     #[test]
     fn the_covariance_turns_with_the_camera(
         sigmas in prop::array::uniform6(0.001..0.1f64),
@@ -201,7 +199,7 @@ proptest! {
         let pose = Se3::exp(&Vec6::from(pose));
         let health = with_covariance(sigmas);
         let (camera, world) = (health.covariance.unwrap(), health.covariance_in_world(&pose).unwrap());
-        // Variance along a direction, whichever axes it is given in.
+        // The variance along a direction is the same in both axes.
         let r = pose.rotation_matrix();
         let inside = Vec6::from(direction);
         let mut outside = inside;
@@ -209,7 +207,7 @@ proptest! {
         outside.fixed_rows_mut::<3>(3).copy_from(&(r * inside.fixed_rows::<3>(3)));
         let (a, b) = (inside.dot(&(camera * inside)), outside.dot(&(world * outside)));
         prop_assert!((a - b).abs() < 1e-12, "{a} {b}");
-        // The position moves by the error's translation, turned into the world.
+        // The position moves by the error's translation, rotated into the world.
         let step = inside * 1e-6;
         let moved = (pose * Se3::exp(&step)).translation - pose.translation;
         prop_assert!((moved - r * step.fixed_rows::<3>(0)).norm() < 1e-11);
@@ -258,7 +256,7 @@ fn few_landmarks_beside_much_that_moves_leave_it_undecided() {
         reason: LostReason::FewInliers,
         since: FrameId(0),
     };
-    // Of 100 keypoints 5 more move that were released.
+    // Of 100 keypoints, 5 more move that are used nevertheless.
     assert!(said(Outcome::Tracked, 40, 30));
     assert!(!said(Outcome::Tracked, 80, 30));
     assert!(!said(Outcome::Tracked, 40, 20));

@@ -1,59 +1,60 @@
-//! What is estimated of the sensor: the gyroscope's bias, how the sensor stands to the camera, and how its clock is off.
+//! Online calibration of the inertial sensor: gyroscope bias, rotation to the camera, time offset.
 
 use super::integrate::Rotation;
 use stillpoint_geometry::nalgebra::{SMatrix, SVector, UnitQuaternion};
 use stillpoint_geometry::{ImuModel, Mat3, Vec3, so3};
 
-/// A measurement farther off than this is not of the same sensor: 99.9 % of chi-square with three degrees of freedom.
+/// Gate on the squared Mahalanobis distance of a measurement: 99.9 % of chi-square with three degrees of freedom.
 const GATE: f64 = 16.27;
-/// What a mount that is stated, of an inertial sensor or of wheels, is off by about each axis, rad: half a degree. With one degree people passed the wider gates of a blocked turn (3.4
-/// degrees off instead of 1.5, decision 39).
+/// Uncertainty of a given mount rotation of an inertial sensor or wheel odometry about each axis, rad: half a
+/// degree. With one degree, people passed the wider gates of a camera that turns while blocked (3.4 degrees off instead
+/// of 1.5, decision 39).
 pub(crate) const MOUNT_SIGMA: f64 = 8.7e-3;
-/// What a time offset that is stated is off by, s: with 10 ms gates were too wide, as with a mount of one degree (decision 39).
+/// Uncertainty of a given time offset, s: with 10 ms gates were too wide, as with a mount of one degree
+/// (decision 39).
 const OFFSET_SIGMA: f64 = 0.005;
-/// So many measurements in a row that are farther off say that mount or clock are so, by [`MISSTATED`] more: chosen, as three beyond a quantile of
-/// 99.9 % come once in 1e9 by chance.
+/// Consecutive gated measurements after which the variances of mount and offset grow by [`MISSTATED`]: chosen, as three
+/// beyond a quantile of 99.9 % come once in 1e9 by chance.
 const MISSES: u32 = 3;
-/// How much farther off mount, rad, and clock, s, may be then: four times [`MOUNT_SIGMA`] and three times [`OFFSET_SIGMA`]. Chosen for the errors
-/// that docs/inertial.md promises to find, a few degrees and 20 ms.
+/// Added uncertainty of mount, rad, and time offset, s, after [`MISSES`]: four times [`MOUNT_SIGMA`] and three
+/// times [`OFFSET_SIGMA`]. Chosen for the errors that docs/inertial.md promises to find, a few degrees and 20 ms.
 const MISSTATED: [f64; 2] = [0.035, 0.015];
-/// How a mount works loose, rad/sqrt(s): a degree in half a day of work. Chosen: slow enough that a run of minutes keeps its mount (0.04 degrees in
-/// one minute).
+/// Random walk of the mount, rad/sqrt(s): a degree in half a day of work. Chosen: slow enough that a run of minutes
+/// keeps its mount (0.04 degrees in one minute).
 const MOUNT_WALK: f64 = 1e-4;
-/// How two clocks drift apart, s/sqrt(s): 20 millionths over a minute, the tolerance that data sheets of common quartz crystals state.
+/// Random walk of the time offset, s/sqrt(s): 20 millionths over a minute, the tolerance in data sheets of common
+/// quartz crystals.
 const OFFSET_WALK: f64 = 1.5e-4;
 
-/// Of the bias, the mount and the time offset, in this order, a number: three axes of each of the first two, and one offset.
+/// States: three axes each of bias and mount, and the time offset, in this order.
 const STATES: usize = 7;
 type Covariance = SMatrix<f64, STATES, STATES>;
 type Derivatives = SMatrix<f64, 3, STATES>;
 
-/// Bias, mount and time offset with their covariance, by a Kalman filter: rest and tracked rotations measure them, and each walks.
+/// Kalman filter of bias, mount and time offset. Rest and tracked rotations are its measurements; each state follows a
+/// random walk.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Calibration {
-    /// In the axes of the sensor, rad/s.
+    /// Sensor axes, rad/s.
     pub(super) bias: Vec3,
-    /// Turns the sensor's axes to the camera's.
     pub(super) camera_from_imu: UnitQuaternion<f64>,
-    /// What is to be added to the sensor's stamps beyond what is stated, s.
+    /// Correction to the sensor's stamps in addition to the configured offset, s.
     pub(super) offset: f64,
-    /// Of the bias, of a turn of the mount in the sensor's axes, and of the offset.
+    /// Of bias, mount rotation (in sensor axes) and time offset.
     covariance: Covariance,
     walk: f64,
-    /// Measurements in a row that were too far off.
     misses: u32,
 }
 
-/// What a comparison of rotations may teach.
+/// States that a comparison of rotations may correct.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Teaches {
-    /// The bias alone: what the camera's pose was taken from may move itself.
+    /// The bias only: the reference of the camera's pose may itself be moving.
     Bias,
     Everything,
 }
 
 impl Calibration {
-    /// Of a sensor that was switched on.
     pub(super) fn new(model: &ImuModel) -> Self {
         let mut covariance = Covariance::zeros();
         let sigmas = [model.gyro_bias, MOUNT_SIGMA, OFFSET_SIGMA];
@@ -70,7 +71,7 @@ impl Calibration {
         }
     }
 
-    /// Time goes by, s.
+    /// Prediction: adds the random walk over `seconds`.
     pub(super) fn wait(&mut self, seconds: f64) {
         let walks = [self.walk, MOUNT_WALK, OFFSET_WALK];
         for i in 0..STATES {
@@ -79,29 +80,27 @@ impl Calibration {
         }
     }
 
-    /// What bias and mount leave open of a rotation: one standard deviation about an axis, rad.
+    /// Standard deviation of a rotation about an axis due to bias and mount, rad.
     pub(super) fn sigma_of(&self, rotation: &Rotation) -> f64 {
         let mut by = derivatives(rotation, &rotation.later_from_earlier);
         by.fixed_columns_mut::<1>(6).fill(0.0);
         deviation(&(by * self.covariance * by.transpose()))
     }
 
-    /// The bias's standard deviation, the mean of the three axes, rad/s.
+    /// Standard deviation of the bias, mean of the three axes, rad/s.
     pub(super) fn bias_sigma(&self) -> f64 {
         deviation(&self.covariance.fixed_view::<3, 3>(0, 0).into_owned())
     }
 
-    /// The mount's, rad.
     pub(super) fn mount_sigma(&self) -> f64 {
         deviation(&self.covariance.fixed_view::<3, 3>(3, 3).into_owned())
     }
 
-    /// The time offset's, s.
     pub(super) fn offset_sigma(&self) -> f64 {
         self.covariance[(6, 6)].max(0.0).sqrt()
     }
 
-    /// The camera's turn from earlier to later, in the axes of the sensor.
+    /// The camera's rotation from earlier to later, in sensor axes.
     pub(super) fn in_sensor(
         &self,
         camera_later_from_earlier: &UnitQuaternion<f64>,
@@ -109,15 +108,15 @@ impl Calibration {
         self.camera_from_imu.inverse() * camera_later_from_earlier * self.camera_from_imu
     }
 
-    /// The sensor measured `rate` where nothing turned, give or take `sigma`, rad/s.
+    /// Measurement update at rest: the mean `rate` with standard deviation `sigma`, rad/s, is the bias.
     pub(super) fn measure_rest(&mut self, rate: &Vec3, sigma: f64) {
         let mut by = Derivatives::zeros();
         by.fixed_columns_mut::<3>(0).copy_from(&Mat3::identity());
         self.update(&(rate - self.bias), &by, sigma, Teaches::Bias);
     }
 
-    /// The sensor turned by `rotation` while the camera was seen to turn by `seen`, in the axes of the sensor, give or take `sigma`, rad. Of what cannot be,
-    /// nothing is learnt.
+    /// Measurement update with the sensor's `rotation` and the visual rotation `seen` (in sensor axes) with standard
+    /// deviation `sigma`, rad. Measurements beyond the gate are ignored.
     pub(super) fn measure_turn(
         &mut self,
         rotation: &Rotation,
@@ -129,7 +128,8 @@ impl Calibration {
         self.update(&difference(rotation, seen), &by, sigma, teaches);
     }
 
-    /// A measurement of what is wrong with the states, which `by` brings to `offset`. What is not taught is considered and not changed (Schmidt 1966).
+    /// Kalman update with residual `offset` and Jacobian `by`. States that are not taught are considered but not
+    /// changed (Schmidt 1966).
     fn update(&mut self, offset: &Vec3, by: &Derivatives, sigma: f64, teaches: Teaches) {
         let noise = Mat3::identity() * (sigma * sigma);
         let spread = by * self.covariance * by.transpose() + noise;
@@ -147,12 +147,11 @@ impl Calibration {
         }
         self.correct(&(gain * offset));
         let left = Covariance::identity() - gain * by;
-        // Joseph's form stays symmetric and positive.
+        // Joseph form keeps the covariance symmetric and positive definite.
         self.covariance =
             left * self.covariance * left.transpose() + gain * gain.transpose() * (sigma * sigma);
     }
 
-    /// A measurement was too far off.
     fn miss(&mut self, teaches: Teaches) {
         self.misses += u32::from(teaches == Teaches::Everything);
         if self.misses >= MISSES {
@@ -171,7 +170,7 @@ impl Calibration {
         self.offset += by[6];
     }
 
-    /// Of a sensor whose time runs backwards.
+    /// State of the time-reversed sensor.
     pub(super) fn mirrored(&self) -> Self {
         let mut mirror = Covariance::identity();
         for i in [0, 1, 2, 6] {
@@ -186,12 +185,12 @@ impl Calibration {
     }
 }
 
-/// By which rotation vector a turn that was seen, in the axes of the sensor, differs from the sensor's.
+/// Rotation vector from the sensor's rotation to the visual one, in sensor axes.
 pub(super) fn difference(rotation: &Rotation, seen: &UnitQuaternion<f64>) -> Vec3 {
     so3::log(&(seen * rotation.later_from_earlier.inverse()))
 }
 
-/// How the difference changes with what is wrong with bias, mount and time offset.
+/// Jacobian of the difference with respect to bias, mount and time offset.
 fn derivatives(rotation: &Rotation, seen: &UnitQuaternion<f64>) -> Derivatives {
     let mut by = Derivatives::zeros();
     by.fixed_columns_mut::<3>(0).copy_from(&rotation.by_bias);
@@ -214,7 +213,7 @@ mod tests {
         [-size..size, -size..size, -size..size].prop_map(Vec3::from)
     }
 
-    /// A turn of half a second, as a sensor has it that errs by nothing.
+    /// An error-free rotation of half a second.
     fn exact(turn: &Vec3, change: &Vec3) -> Rotation {
         Rotation {
             later_from_earlier: so3::exp(turn),
@@ -223,7 +222,7 @@ mod tests {
         }
     }
 
-    /// The same as one has it that stands so to the camera and adds a bias and an offset, as [`Calibration`] corrects for neither.
+    /// The same rotation measured with a bias and a time offset that [`Calibration`] has not corrected.
     fn wrong(exact: &Rotation, bias: &Vec3, offset: f64) -> Rotation {
         let off = exact.by_bias * bias + exact.by_time * offset;
         Rotation {
@@ -233,7 +232,7 @@ mod tests {
     }
 
     proptest! {
-        /// Where the states are wrong by a little, sensor and camera differ as the derivatives say.
+        /// For small state errors the difference is linear with these derivatives.
         #[test]
         fn derivatives_are_those_of_differences(turn in vector(0.6), change in vector(1.0), state in vector(1e-4), mount in vector(1e-4), offset in -1e-4..1e-4f64) {
             let exact = exact(&turn, &change);
@@ -246,7 +245,7 @@ mod tests {
             prop_assert!((found - expected).norm() < 1e-6, "{found} {expected}");
         }
 
-        /// Measurements of turns about several axes find what a sensor may have.
+        /// Rotations about several axes make all states observable.
         #[test]
         fn turns_find_bias_mount_and_offset(bias in vector(0.02), mount in vector(0.04), offset in -0.02..0.02f64, seed in 0u32..1000) {
             let model = ImuModel::bmi055();

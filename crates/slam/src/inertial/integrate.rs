@@ -1,30 +1,31 @@
-//! From angular rates to a rotation.
+//! Integration of angular rates.
 
 use std::collections::VecDeque;
 use stillpoint_geometry::nalgebra::UnitQuaternion;
 use stillpoint_geometry::{Mat3, Vec3, so3};
 use stillpoint_imaging::ImuSample;
 
-/// Samples that are farther apart leave open how the camera turned between them, s: chosen, half a period of a hand that trembles with 10 Hz, and ten
+/// Longest gap between samples that is bridged, s: chosen, half a period of a hand that trembles with 10 Hz, and ten
 /// samples of 200 Hz.
 const LONGEST_GAP: f64 = 0.05;
-/// Before the first and after the last sample the rate is taken for the same for so long, s: chosen, four samples of 200 Hz, and less than the time
-/// between two frames.
+/// The rate is held constant for this long before the first and after the last sample, s: chosen, four samples of 200
+/// Hz, and less than the time between two frames.
 const LONGEST_HOLD: f64 = 0.02;
 
-/// How the sensor turned between two moments, in its own axes.
+/// Rotation of the sensor between two times, in its own axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rotation {
-    /// Maps coordinates at the earlier moment to those at the later one.
+    /// Maps coordinates at the earlier time to those at the later one.
     pub(super) later_from_earlier: UnitQuaternion<f64>,
-    /// How it changes with the bias that is taken off the rates: a left perturbation per rad/s.
+    /// Derivative by the subtracted bias: a left perturbation per rad/s.
     pub(super) by_bias: Mat3,
-    /// How it changes with what is added to the samples' stamps: a left perturbation per second.
+    /// Derivative by a shift of the samples' stamps: a left perturbation per second.
     pub(super) by_time: Vec3,
 }
 
-/// Integrates the rates between two moments, s, less a bias, rad/s. Between samples the rate changes linearly; each piece is integrated to the fourth
-/// order of its length (Magnus expansion: Iserles, Norsett, Phil. Trans. A 357, 1999). None where samples are missing, or `to` is not later.
+/// Integrates the rates between two times, s, less a bias, rad/s. Rates are interpolated linearly; each piece is
+/// integrated to the fourth order (Magnus expansion: Iserles, Norsett, Phil. Trans. A 357, 1999). `None` if samples are
+/// missing or `to` is not later.
 pub(super) fn integrate(
     samples: &VecDeque<ImuSample>,
     bias: &Vec3,
@@ -60,7 +61,7 @@ pub(super) fn integrate(
     })
 }
 
-/// The angular rate at a moment, by the samples before and after it. None where these are too far away.
+/// Angular rate at a time, interpolated between samples, or `None` if they are too far away.
 pub(super) fn rate_at(samples: &VecDeque<ImuSample>, at: f64) -> Option<Vec3> {
     let next = samples.partition_point(|s| s.stamp < at);
     let after = samples.get(next);
@@ -84,7 +85,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A turn that is known in closed form: first about one axis, then about another that the first one carries along. Body rate of
+    /// A rotation known in closed form: about one axis, then about another that rotates with the first. Body rate of
     /// `exp(a t) exp(b t)`: `exp(-b t) a + b`.
     struct Turning {
         a: Vec3,
@@ -106,7 +107,6 @@ mod tests {
             (0..=(rate as u32)).map(sample).collect()
         }
 
-        /// By how much an integral is off, rad.
         fn error(&self, samples: &VecDeque<ImuSample>, span: [f64; 2]) -> f64 {
             let found = integrate(samples, &Vec3::zeros(), span).unwrap();
             let [from, to] = span.map(|t| self.world_from_body(t));
@@ -125,7 +125,8 @@ mod tests {
             let span = [from, from + span];
             // Up to 250 deg/s about each axis, axes that turn as fast, 200 Hz.
             prop_assert!(turning.error(&turning.samples(200.0, jitter), span) < 3e-4);
-            // What is off is the linear change between samples: a quarter with each halved step, and hardly anything at 2 kHz.
+            // The error comes from linear interpolation: it falls by four with each halved step and nearly vanishes at
+            // 2 kHz.
             prop_assert!(turning.error(&turning.samples(2000.0, jitter), span) < 3e-6);
         }
 

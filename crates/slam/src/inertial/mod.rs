@@ -1,8 +1,7 @@
-//! The inertial sensor beside the camera: how the camera turned between two moments, and whether the sensor can be believed.
+//! The inertial sensor: rotation of the camera between two times, with its uncertainty.
 //!
-//! Answers: the camera's turn by the gyroscope, with what it may be wrong by. Keeps the samples of the last seconds, estimates the gyroscope's bias from rest and
-//! from tracked rotations, and from these how the sensor is mounted and how its clock is off, and notices a sensor that is stuck, noisy or mounted otherwise. Does not know images; what the turn is used for is the tracker's business.
-//! (docs/algorithm.md, the inertial sensor.)
+//! Keeps the samples of the last seconds, estimates gyroscope bias, mount and time offset from rest and tracked
+//! rotations, and detects a sensor that is stuck, noisy or mounted otherwise. (docs/algorithm.md, the inertial sensor.)
 
 mod calibration;
 mod integrate;
@@ -23,28 +22,26 @@ use stillpoint_geometry::nalgebra::UnitQuaternion;
 use stillpoint_geometry::{ImuModel, Vec3};
 use stillpoint_imaging::ImuSample;
 
-/// Samples are kept for so long, s: the first frames of a map are tracked again after three (`retrace::MOST`), and five are the longest time that a
-/// direction is carried (`carry::CARRIED_S`); this is the sum.
+/// Duration of kept samples, s: the sum of three for tracking the first frames of a map again (`retrace::MOST`) and
+/// five for the longest propagation of a rotation (`carry::CARRIED_S`).
 const KEPT_S: f64 = 8.0;
-/// Largest number of samples that are kept: enough for [`KEPT_S`] of a sensor of 4 kHz, which are 32 000, up to the next power of two. The rate is
-/// chosen, above that of usual sensors.
+/// Maximum number of kept samples: [`KEPT_S`] of a sensor of 4 kHz are 32 000, rounded up to a power of two. The rate
+/// is chosen, above that of usual sensors.
 const KEPT: usize = 32_768;
-/// By how much gyroscopes err in scale, as a share of the turn: 1 % at most by data sheets.
+/// Scale error of gyroscopes, as a share of the rotation: 1 % at most by data sheets.
 const SCALE: f64 = 0.005;
-/// Specific force is summed up over so many frames at least before it tells which way is up, a number: chosen, a second of 30 Hz, in which what a
-/// hand accelerates averages out.
+/// Minimum number of frames over which specific force is summed to find the up direction: chosen, a second of 30 Hz, in
+/// which accelerations of a hand average out.
 const UP_FRAMES: f64 = 30.0;
 
-/// A turn of the camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Turn {
-    /// Maps coordinates of the camera at the earlier moment to those at the later one, as far as they turn.
+    /// Maps camera axes at the earlier time to those at the later one.
     pub(crate) later_from_earlier: UnitQuaternion<f64>,
     /// Standard deviation about each axis, rad.
     pub(crate) sigma: f64,
 }
 
-/// The sensor and what is known of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Inertial {
     model: ImuModel,
@@ -54,12 +51,11 @@ pub(crate) struct Inertial {
     signal: Signal,
     rest: Rest,
     trust: Trust<UnitQuaternion<f64>>,
-    /// Sum of specific forces in the world, and of how many frames.
+    /// Sum of specific forces in world axes, and the number of frames.
     force: (Vec3, f64),
 }
 
 impl Inertial {
-    /// A sensor that was just switched on.
     pub(crate) fn new(model: ImuModel) -> Self {
         Self {
             known: Calibration::new(&model),
@@ -72,7 +68,7 @@ impl Inertial {
         }
     }
 
-    /// The same sensor for frames whose stamps are mirrored at `pivot`, s: what turned to the left turns to the right.
+    /// The sensor for frames in reverse order, with stamps mirrored at `pivot`, s: rotations are inverted.
     pub(crate) fn mirrored(&self, pivot: f64) -> Self {
         let mirror = |s: &ImuSample| ImuSample {
             stamp: 2.0 * pivot - s.stamp,
@@ -86,7 +82,7 @@ impl Inertial {
         }
     }
 
-    /// Takes samples, in order of time. What is no number, or not later than the one before, is left out.
+    /// Takes samples in order of time. Non-finite and out-of-order samples are dropped.
     pub(crate) fn receive(&mut self, samples: &[ImuSample]) {
         for sample in samples.iter().filter(|s| s.is_finite()) {
             let sample = ImuSample {
@@ -101,7 +97,7 @@ impl Inertial {
             self.signal.take(&sample);
             self.samples.push_back(sample);
             if let Some(still) = self.rest.take(&sample, &self.model) {
-                // What a sensor at rest measures is its bias.
+                // At rest the gyroscope measures its bias.
                 self.known.measure_rest(&still.rate, still.sigma);
             }
             let is_old = |s: &ImuSample| sample.stamp - s.stamp > KEPT_S;
@@ -111,36 +107,36 @@ impl Inertial {
         }
     }
 
-    /// The clock was set: samples from before mean nothing any more.
+    /// Drops all samples after the clock was set.
     pub(crate) fn forget_times(&mut self) {
         self.samples.clear();
         self.trust.interrupt();
         self.rest = Rest::default();
     }
 
-    /// The world of the map is another one now.
+    /// Resets after a change of the map's world frame.
     pub(crate) fn forget_world(&mut self) {
         self.trust.interrupt();
         self.force = (Vec3::zeros(), 0.0);
     }
 
-    /// What is wrong with the sensor.
     fn fault(&self) -> Option<SensorFault> {
         let contradicts = self.trust.contradicts().then_some(SensorFault::Contradicts);
         self.signal.fault().or(contradicts)
     }
 
-    /// Whether it has turned as the camera did, and is believed.
+    /// Whether the sensor has agreed with the camera's rotation and has no fault.
     pub(crate) fn is_confirmed(&self) -> bool {
         self.trust.is_confirmed() && self.fault().is_none()
     }
 
-    /// How the camera turned between two moments on the frames' clock, s. None where samples are missing or are not believed.
+    /// Rotation of the camera between two times on the frames' clock, s. `None` if samples are missing or the sensor is
+    /// not trusted.
     pub(crate) fn turn(&self, from: f64, to: f64) -> Option<Turn> {
         self.fault().is_none().then(|| self.measured(from, to))?
     }
 
-    /// The same whether it is believed or not.
+    /// Likewise, regardless of trust.
     fn measured(&self, from: f64, to: f64) -> Option<Turn> {
         let rotation = self.rotation(from, to)?;
         let mount = &self.known.camera_from_imu;
@@ -155,20 +151,21 @@ impl Inertial {
         })
     }
 
-    /// How the sensor turned between two moments on the frames' clock, s.
+    /// Rotation of the sensor between two times on the frames' clock, s.
     fn rotation(&self, from: f64, to: f64) -> Option<Rotation> {
         let span = [from, to].map(|t| t - self.known.offset);
         integrate::integrate(&self.samples, &self.known.bias, span)
     }
 
-    /// How fast the camera turns at a moment, in its own axes, rad/s. None where it is not known, or not believed.
+    /// Angular rate of the camera, in its own axes, rad/s. `None` if unknown or not trusted.
     pub(crate) fn rate(&self, at: f64) -> Option<Vec3> {
         self.fault().is_none().then_some(())?;
         let rate = integrate::rate_at(&self.samples, at - self.known.offset)? - self.known.bias;
         Some(self.known.camera_from_imu * rate)
     }
 
-    /// Learns from a pose at `time` that the map bears out. Where much moves beside it, it `can_refute` nothing.
+    /// Learns from a pose at `time` that the map confirms. Without `can_refute`, because much of the scene moves, it
+    /// cannot count against the sensor.
     pub(crate) fn learn(
         &mut self,
         time: f64,
@@ -203,17 +200,17 @@ impl Inertial {
         }
     }
 
-    /// Nothing is known of the camera's pose, or the map does not bear it out.
+    /// Called when the camera's pose is unknown or not confirmed by the map.
     pub(crate) fn interrupt(&mut self) {
         self.trust.interrupt();
     }
 
-    /// Most of what is seen turns otherwise.
+    /// Records that most of the image rotates otherwise.
     pub(crate) fn stand_against(&mut self) {
         self.trust.stand_against();
     }
 
-    /// Over some seconds a hand's accelerations cancel out, and what is left of the specific force is what carries the sensor: upwards.
+    /// Over some seconds accelerations of a hand cancel out, and the mean specific force points up.
     fn sum_force(&mut self, time: f64, world_from_camera: &UnitQuaternion<f64>) {
         let time = time - self.known.offset;
         let near = self.samples.partition_point(|s| s.stamp < time);
@@ -224,7 +221,6 @@ impl Inertial {
         }
     }
 
-    /// What is to be said of it.
     pub(crate) fn report(&self) -> InertialReport {
         let state = match self.fault() {
             Some(fault) => InertialState::Ignored(fault),

@@ -1,16 +1,17 @@
-//! What is said of the inertial sensor.
+//! State of the inertial sensor, for reports.
 
 use crate::trust::SensorState;
 use stillpoint_geometry::nalgebra::UnitQuaternion;
 
-/// What is wrong with an inertial sensor that is not listened to.
+/// Why an inertial sensor is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorFault {
-    /// Its values do not change: it is stuck, or not connected.
+    /// Its values do not change: stuck, or not connected.
     Constant,
-    /// Its noise is far beyond that of any sensor of use.
+    /// Its noise is far beyond that of any useful sensor.
     Noisy,
-    /// It turns otherwise than the camera: it is mounted otherwise than the calibration says, or its stamps are of another clock.
+    /// Its rotation contradicts the camera's: the mount differs from the calibration, or its stamps are of another
+    /// clock.
     Contradicts,
 }
 
@@ -26,30 +27,30 @@ impl std::fmt::Display for SensorFault {
     }
 }
 
-/// How far the inertial sensor is believed.
+/// Trust in the inertial sensor.
 pub type InertialState = SensorState<SensorFault>;
 
-/// What is known of the inertial sensor at a frame.
+/// Estimated state of the inertial sensor at a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InertialReport {
-    /// Whether it is believed.
+    /// Trust in the sensor.
     pub state: InertialState,
-    /// The gyroscope's bias, in its axes, rad/s.
+    /// Gyroscope bias, in its axes, rad/s.
     pub gyro_bias: [f64; 3],
-    /// Standard deviation of the gyroscope's bias, rad/s.
+    /// Standard deviation of the gyroscope bias, rad/s.
     pub gyro_bias_sigma: f64,
-    /// How the sensor stands to the camera, as estimated: turns its axes to the camera's.
+    /// Estimated rotation from sensor axes to camera axes.
     pub camera_from_imu: UnitQuaternion<f64>,
-    /// By how much the estimated mount differs from the stated one, rad.
+    /// Angle between the estimated and the configured mount, rad.
     pub mount_error: f64,
     /// Standard deviation of the estimated mount about an axis, rad.
     pub mount_sigma: f64,
-    /// What is to be added to the sensor's stamps, as estimated, s.
+    /// Estimated correction to the sensor's stamps, s.
     pub time_offset: f64,
-    /// By how much the estimated time offset differs from the stated one, s.
+    /// Difference between the estimated and the configured time offset, s.
     pub time_offset_error: f64,
     /// Standard deviation of the estimated time offset, s.
     pub time_offset_sigma: f64,
-    /// The direction that points up, in the world of the map; none before the sensor has told for a second.
+    /// Up direction in the world of the map; `None` during the first second.
     pub up: Option<[f64; 3]>,
 }

@@ -1,29 +1,25 @@
-//! Whether the sensor is at rest: what a gyroscope measures then is its bias.
+//! Detects rest of the sensor, during which a gyroscope measures its bias.
 
 use stillpoint_geometry::{ImuModel, Vec3};
 use stillpoint_imaging::ImuSample;
 
-/// It is at rest where its values spread no more than its noise for so long, s: chosen, as the noise of a BMI055 (data sheet, 0.014 deg/s/sqrt(Hz))
-/// then leaves 0.35 mrad/s of the mean, well below [`SLOWEST`].
+/// Duration for which the values must spread no more than the noise, s: chosen, as the noise of a BMI055 (data sheet,
+/// 0.014 deg/s/sqrt(Hz)) then leaves 0.35 mrad/s of the mean, well below [`SLOWEST`].
 const STILL_S: f64 = 0.5;
-/// Values of so many samples at least, a number: chosen, as a standard deviation of 20 values is known to 16 % (1 / sqrt(2 (n - 1)), normal
-/// distribution), well within [`SPREAD`].
+/// Minimum number of samples: chosen, as a standard deviation of 20 values is known to 16 % (1 / sqrt(2 (n - 1)),
+/// normal distribution), well within [`SPREAD`].
 const LEAST: f64 = 20.0;
-/// Noise spreads by this factor more than the data sheet says, and a table trembles.
+/// Factor by which values may spread more than the data sheet's noise, since tables vibrate.
 const SPREAD: f64 = 2.0;
-/// A hand holds a camera no more still than this, rad/s: a mean below it may be a slow turn, and is not more exact than that. Chosen: 0.1 deg/s, a
-/// tenth of the offset of a BMI055 (data sheet, 1 deg/s).
+/// Rate below which a hand-held camera cannot stay, rad/s: a smaller mean may be a slow rotation, and is no more exact
+/// than that. Chosen: 0.1 deg/s, a tenth of the offset of a BMI055 (data sheet, 1 deg/s).
 const SLOWEST: f64 = 2e-3;
 
-/// A stretch of samples at rest.
 pub(super) struct Still {
-    /// The mean rate, rad/s.
     pub(super) rate: Vec3,
-    /// Standard deviation of the mean rate, rad/s.
     pub(super) sigma: f64,
 }
 
-/// Sums of the samples of a stretch.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rest {
     since: Option<f64>,
@@ -35,7 +31,7 @@ pub(super) struct Rest {
 }
 
 impl Rest {
-    /// Takes a sample; at the end of a stretch says whether the sensor was at rest.
+    /// Adds a sample; at the end of an interval returns its mean if the sensor was at rest.
     pub(super) fn take(&mut self, sample: &ImuSample, model: &ImuModel) -> Option<Still> {
         let since = *self.since.get_or_insert(sample.stamp);
         let (rate, force) = (

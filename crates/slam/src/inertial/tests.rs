@@ -2,7 +2,7 @@
 use super::*;
 use stillpoint_geometry::{Se3, so3};
 
-/// Noise between -1 and 1 by the number of the value.
+/// Deterministic noise between -1 and 1 for value `k`.
 fn noise(k: u32, axis: u32) -> f64 {
     let mut z = u64::from(7 * k + axis)
         .wrapping_add(1)
@@ -12,13 +12,13 @@ fn noise(k: u32, axis: u32) -> f64 {
     (z >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
-/// Where a camera is that looks to and fro.
+/// Pose of a camera that pans and tilts.
 fn camera(t: f64) -> UnitQuaternion<f64> {
     so3::exp(&Vec3::new(0.0, 0.6 * libm::sin(2.0 * t), 0.0))
         * so3::exp(&Vec3::new(0.3 * libm::sin(1.3 * t), 0.0, 0.0))
 }
 
-/// What a sensor in these axes measures of it at 200 Hz, with a bias and noise of the BMI055's size.
+/// Samples of a sensor mounted like this at 200 Hz, with a bias and noise of the BMI055's size.
 fn samples(mount: &UnitQuaternion<f64>, bias: Vec3, seconds: f64) -> Vec<ImuSample> {
     let sample = |k: u32| {
         let (t, h) = (f64::from(k) / 200.0, 1e-4);
@@ -35,7 +35,7 @@ fn samples(mount: &UnitQuaternion<f64>, bias: Vec3, seconds: f64) -> Vec<ImuSamp
     (0..=(200.0 * seconds) as u32).map(sample).collect()
 }
 
-/// A sensor that is told of a camera, frame by frame.
+/// A sensor that learns from exact camera poses, frame by frame.
 fn after(model: ImuModel, samples: &[ImuSample], seconds: f64) -> Inertial {
     let mut inertial = Inertial::new(model);
     let mut given = 0;
@@ -70,7 +70,7 @@ fn tracked_rotations_tell_the_bias_and_confirm_the_sensor() {
     let found = Vec3::from(report.gyro_bias);
     assert!((found - bias).norm() < 0.003, "{found}");
     assert!(report.gyro_bias_sigma < 0.003);
-    // Up is where the force comes from.
+    // Up is the direction of the specific force.
     let up = Vec3::from(report.up.unwrap());
     assert!((up - Vec3::new(0.0, -1.0, 0.0)).norm() < 0.01, "{up}");
 }
@@ -79,7 +79,7 @@ fn tracked_rotations_tell_the_bias_and_confirm_the_sensor() {
 fn a_mount_and_a_clock_that_are_a_little_off_are_found() {
     let samples = samples(&mount(), Vec3::new(0.012, -0.02, 0.015), 20.0);
     let turned = mounted().turned(Vec3::new(0.02, -0.015, 0.01));
-    // What was measured at t is said to be of 8 ms later.
+    // The configured offset is 8 ms too late.
     let stated = ImuModel {
         time_offset: 0.008,
         ..turned
@@ -91,7 +91,7 @@ fn a_mount_and_a_clock_that_are_a_little_off_are_found() {
     assert!((found.mount_error - 0.027).abs() < 0.004 && found.mount_sigma < 0.005);
     assert!(found.time_offset.abs() < 0.001, "{}", found.time_offset);
     assert!(found.time_offset_sigma < 0.001);
-    // What is right stays so.
+    // Correct values stay.
     let right = after(mounted(), &samples, 20.0).report();
     assert!(right.mount_error < 0.003 && right.time_offset.abs() < 0.0005);
 }
@@ -136,7 +136,7 @@ fn a_sensor_that_is_mounted_otherwise_is_ignored() {
     assert_eq!(state, InertialState::Ignored(SensorFault::Contradicts));
     assert!(wrong.turn(3.0, 3.1).is_none() && wrong.rate(3.0).is_none());
     assert!(wrong.report().up.is_none() && state.to_string().contains("camera_from_imu"));
-    // The same with a clock that is half a second off.
+    // Likewise with a clock that is half a second off.
     let late = ImuModel {
         time_offset: 0.5,
         ..mounted()
@@ -204,7 +204,7 @@ fn what_is_no_sample_is_left_out() {
     ]);
     let turn = inertial.turn(0.0, 0.02).unwrap();
     assert!((turn.later_from_earlier.angle() - 0.02).abs() < 1e-9);
-    // After the clock was set nothing is known.
+    // After the clock was set no samples remain.
     inertial.forget_times();
     assert!(inertial.turn(0.0, 0.02).is_none());
 }

@@ -1,14 +1,14 @@
-//! How many keyframes agree on a place: a single motion may be a coincidence, even one that fits the map.
+//! Counts keyframes that agree on a loop: a single motion may be a coincidence, even if it fits the map.
 
 use super::drift::{Drift, distance, loop_covariance};
 use crate::covariance::moved;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{KeyframeId, LoopEdge, MapView};
 
-/// 99.9 % quantile of chi-square with 6 degrees of freedom: a bound on the distance between two motions of the same place.
+/// 99.9 % quantile of chi-square with 6 degrees of freedom: gate on the distance between two motions of the same place.
 const GATE: f64 = 22.457_744_484_825_35;
 
-/// Counts the keyframes whose motions agree with `edge`, each once, the edge's own among them.
+/// Number of keyframes whose motions agree with `edge`, each counted once, including the edge's own.
 pub(super) fn agreeing(
     view: &MapView,
     drift: &Drift<'_>,
@@ -38,7 +38,8 @@ pub(super) fn agreeing(
     agree.len() + 1
 }
 
-/// Covariance of the motion that another sighting predicts: that of the path between the older keyframes, of the path between the new ones, and the sighting's own.
+/// Covariance of the motion that another sighting predicts: of the path between the older keyframes, of the path
+/// between the new ones, and of the sighting itself.
 fn combined(
     drift: &Drift<'_>,
     (a, old): (u32, u32),
@@ -50,7 +51,7 @@ fn combined(
     let of_old = drift.between(a, old)?;
     let a_from_old = drift.motion(a, old);
     let own = moved(&loop_covariance(&sighting.information, told), &a_from_old);
-    // The perturbation on the left of `new_from_b`, brought to the left of the whole.
+    // Moves the left perturbation of `new_from_b` to the left of the whole chain.
     let a_from_new = *expected * drift.motion(new, b).inverse();
     let of_new = moved(&drift.between(new, b)?, &a_from_new);
     Some(of_old + own + of_new)
@@ -65,7 +66,7 @@ mod tests {
     use stillpoint_geometry::{Vec3, Vec6};
     use stillpoint_map::SubmapId;
 
-    /// What a keyframe tells of an older one: `x` m to its right.
+    /// A sighting that puts the new keyframe `x` m to the right of the old one.
     fn sighting(old: u32, new: u32, x: f64) -> LoopEdge {
         LoopEdge {
             old: KeyframeId(old),
@@ -85,11 +86,11 @@ mod tests {
         let count =
             |sightings: &[LoopEdge]| agreeing(view, &drift, &sighting(1, 10, 0.5), sightings);
         assert_eq!(count(&[]), 1);
-        // Its own keyframe is no other witness.
+        // The edge's own keyframe is not counted again.
         assert_eq!(count(&[sighting(1, 10, 0.5)]), 1);
         assert_eq!(count(&[sighting(1, 9, 0.5), sighting(2, 9, 0.5)]), 2);
         assert_eq!(count(&[sighting(1, 9, 0.5), sighting(2, 8, 0.5)]), 3);
-        // Controls: another place, and one that is off by less than the ties between the keyframes know (5 cm each).
+        // Controls: another place, and one whose offset is within the uncertainty of the ties (5 cm each).
         assert_eq!(count(&[sighting(1, 9, 3.0), sighting(2, 8, -2.0)]), 1);
         assert_eq!(count(&[sighting(1, 9, 0.6), sighting(2, 8, 0.55)]), 3);
     }

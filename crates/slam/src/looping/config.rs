@@ -1,22 +1,22 @@
-//! How loops are closed.
+//! Settings of loop closing.
 
 use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 
-/// How loops are closed.
+/// Settings of loop closing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LoopingConfig {
-    /// Whether loops are closed at all.
+    /// Whether loops are closed.
     pub enabled: bool,
-    /// Odds that close a loop: how much likelier it must be that two keyframes show one place than that two places look alike.
-    /// Range: 1 to 1e9. From 1000 on no submaps are joined, since nothing there rules out an equal place.
+    /// Minimum odds to close a loop: same place against similar places. Range: 1 to 1e9. From 1000 on no submaps are
+    /// joined, since nothing there rules out an equal place.
     pub min_odds: f64,
 }
 
 impl Default for LoopingConfig {
     fn default() -> Self {
-        // On simulated walks other places reach less than even odds, and true loops up to a million (decision 46).
+        // On simulated walks false loops stay below even odds, and true loops reach up to a million (decision 46).
         Self {
             enabled: true,
             min_odds: 20.0,
@@ -30,15 +30,15 @@ impl LoopingConfig {
     }
 }
 
-/// What of the configuration concerns the loop closer: made from a [`Config`](crate::Config).
+/// Settings of the loop closer, made from a [`Config`](crate::Config).
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoopCloserSetup {
-    /// How loops are closed.
+    /// Settings of loop closing.
     pub looping: LoopingConfig,
-    /// Landmarks that hold a keyframe in bundle adjustment, at least: fewer make no pose.
+    /// Minimum number of landmarks to adjust a keyframe's pose in bundle adjustment.
     pub min_held: usize,
-    /// Seed of every random choice.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// Factor between two levels of the features' pyramid.
+    /// Scale factor between pyramid levels.
     pub scale_factor: f32,
 }

@@ -1,4 +1,5 @@
-//! From a verified motion to a correction: merged landmarks, a pose graph, and bundle adjustment of the whole map.
+//! Turns a verified loop into a correction: merges landmarks, optimises the pose graph and runs global bundle
+//! adjustment.
 
 use super::drift::{Drift, loop_covariance};
 use super::group_of;
@@ -17,26 +18,25 @@ use stillpoint_estimation::{
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{Correction, Join, Keyframe, LandmarkId, LoopEdge, MapView};
 
-/// Work of full bundle adjustment, at most, in products of two 6x6 blocks: what 2000 keyframes take (1.3e8 for laps of 40 m, decision 11).
+/// Maximum work of full bundle adjustment, in products of two 6x6 blocks: that of 2000 keyframes (1.3e8 for laps of 40
+/// m, decision 11).
 const MAX_WORK: u64 = 200_000_000;
 
-/// A loop that is believed.
 pub(super) struct Proposal<'a> {
     pub(super) view: &'a MapView,
-    /// The new keyframe.
     pub(super) keyframe: &'a Keyframe,
-    /// The older one that shows the same place.
+    /// The older keyframe of the same place.
     pub(super) with: &'a Keyframe,
     pub(super) verified: &'a Verified,
-    /// Its motion, as the map keeps it.
+    /// The loop edge stored in the map.
     pub(super) edge: LoopEdge,
-    /// Landmarks that hold a keyframe in bundle adjustment, at least.
+    /// Minimum number of landmarks to adjust a keyframe's pose in bundle adjustment.
     pub(super) min_held: usize,
     pub(super) scale_factor: f64,
 }
 
 impl Proposal<'_> {
-    /// Merges what is seen twice, and moves keyframes and landmarks to where they fit best.
+    /// Merges duplicate landmarks and optimises keyframes and landmarks.
     pub(super) fn correct(&self, drift: &Drift<'_>, report: &mut LoopReport) -> Option<Correction> {
         let _span = tracing::info_span!("correct").entered();
         let join = self.join();
@@ -53,7 +53,7 @@ impl Proposal<'_> {
         })
     }
 
-    /// The submaps that become one, when the two keyframes are of different ones: the younger goes to the older.
+    /// The submaps to join, if the two keyframes belong to different ones: the younger goes into the older.
     fn join(&self) -> Option<Join> {
         let (a, b) = (self.with.submap, self.keyframe.submap);
         if a == b {
@@ -61,7 +61,7 @@ impl Proposal<'_> {
         }
         let old_from_new = self.verified.new_from_old.inverse();
         let with_from_keyframe = self.with.world_from_camera * old_from_new;
-        // Maps the frame of reference of the new keyframe's submap to that of the older one's.
+        // Maps the reference frame of the new keyframe's submap to the older one's.
         let shift = with_from_keyframe * self.keyframe.world_from_camera.inverse();
         Some(if b > a {
             Join {
@@ -82,7 +82,7 @@ impl Proposal<'_> {
         })
     }
 
-    /// The poses of two submaps in the frame of reference of the one that stays.
+    /// Poses of both submaps in the reference frame of the one that stays.
     fn put_together(nodes: &Nodes<'_>, join: Join) -> Vec<Se3> {
         let place = |k: &&Keyframe| {
             if k.submap == join.submap {
@@ -94,8 +94,8 @@ impl Proposal<'_> {
         nodes.keyframes.iter().map(place).collect()
     }
 
-    /// The landmarks of the new place that are landmarks of the older one: (new, older), searched in the new keyframe and its
-    /// neighbours from where the loop puts them.
+    /// Duplicate landmarks as (new, older): the older ones are searched in the new keyframe and its neighbours at their
+    /// loop-corrected poses.
     fn merges(&self) -> BTreeMap<LandmarkId, LandmarkId> {
         let _span = tracing::info_span!("merge").entered();
         let mut merges = BTreeMap::new();
@@ -123,7 +123,7 @@ impl Proposal<'_> {
                 };
                 let m = measurement(&k.data, feature);
                 let p = search.camera_from_world.transform(&position);
-                // A landmark of the older place is never merged itself, so that no chain can close.
+                // Landmarks of the older place are never merged away, so no cycles arise.
                 let is_old = self.verified.landmarks.binary_search(&seen).is_ok();
                 if !is_old && m.chi2(&intrinsics, &p) <= m.gate() {
                     merges.entry(seen).or_insert(s.landmark);
@@ -133,7 +133,8 @@ impl Proposal<'_> {
         merges
     }
 
-    /// The poses of all keyframes after the pose graph. The new edge is believed; loops closed before may turn out to have been wrong.
+    /// Keyframe poses after pose-graph optimisation. The new edge has no robust kernel; earlier loops do, as they may
+    /// turn out wrong.
     fn straighten(&self, drift: &Drift<'_>) -> Option<Vec<Se3>> {
         let (nodes, edge) = (&drift.nodes, &self.edge);
         let _span = tracing::info_span!("straighten").entered();
@@ -161,14 +162,13 @@ impl Proposal<'_> {
             .map(|k| k.world_from_camera)
             .collect();
         let mut fixed = vec![false; poses.len()];
-        // Edges are relative: without a node that stands still the whole graph could drift.
+        // Edges are relative, so one node must be fixed.
         *fixed.first_mut()? = true;
         let mut graph = PoseGraph {
             nodes: poses,
             fixed,
             edges,
         };
-        // Bundle adjustment comes after.
         let options = PoseGraphOptions {
             max_iterations: 12,
             min_relative_gain: 1e-3,
@@ -178,7 +178,8 @@ impl Proposal<'_> {
         (!matches!(report.outcome, PoseGraphOutcome::Refused(_))).then_some(graph.nodes)
     }
 
-    /// Bundle adjustment of all keyframes and of all landmarks that two of them see, and the correction that it amounts to.
+    /// Bundle adjustment of all keyframes and of all landmarks seen by at least two of them; returns the resulting
+    /// correction.
     fn refine(
         &self,
         nodes: &Nodes<'_>,
@@ -234,7 +235,7 @@ impl Proposal<'_> {
         }
     }
 }
-/// The information of a covariance; none where it has no meaning.
+/// Inverse of a covariance; `None` if singular.
 fn information(covariance: &Mat6) -> Option<Mat6> {
     pose_covariance(covariance)
 }

@@ -1,7 +1,7 @@
-//! What a path may have drifted: the covariance of the motion between two keyframes, along the ties between them.
+//! Drift of paths: covariance of the motion between two keyframes along the ties between them.
 //!
-//! A tie is as good as the landmarks that both of its keyframes see, as well as these fit, and no better than a share of the motion
-//! itself: errors that all features have in common (calibration, shutter, delay of depth) do not average out.
+//! The covariance of a tie comes from the landmarks shared by its keyframes and their fit, with a floor proportional to
+//! the motion: errors common to all features (calibration, shutter, depth delay) do not average out.
 
 use super::nodes::Nodes;
 use super::shared;
@@ -12,43 +12,41 @@ use stillpoint_estimation::{EdgeKernel, pose_covariance};
 use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
 use stillpoint_map::{LoopEdge, MapView};
 
-/// What the motion of a tie is wrong by beside the noise of its landmarks, per axis, m (decision 22).
+/// Error of a tie's translation beside landmark noise, per axis, m (decision 22).
 const TIE_M: f64 = 0.002;
-/// The same of its turn, per axis, rad: a twentieth of a degree (decision 22).
+/// Likewise for rotation, per axis, rad: a twentieth of a degree (decision 22).
 const TIE_RAD: f64 = 0.0009;
-/// And in relation to the motion itself, in length and in angle: the form of odometry's noise (Thrun, Burgard, Fox,
+/// Likewise relative to the motion, in length and angle, a share: the form of odometry noise (Thrun, Burgard, Fox,
 /// "Probabilistic Robotics", 2005, section 5.4).
 const TIE_SHARE: f64 = 0.01;
-/// The same of frames that were bridged by flow: they are off by 5 to 10 cm after a second of it (decision 18).
+/// Translation error of frames bridged by flow, per axis, m: they are off by 5 to 10 cm after a second (decision 18).
 const BRIDGED_M: f64 = 0.05;
-/// The same of their turn, rad: two degrees (decision 22).
+/// Likewise for rotation, rad: two degrees (decision 22).
 const BRIDGED_RAD: f64 = 0.035;
-/// The same in relation to the motion itself, a share (decision 22): ten times that of ties.
+/// Likewise relative to the motion, a share (decision 22): ten times that of ties.
 const BRIDGED_SHARE: f64 = 0.1;
 
-/// Two nodes and what is known of the motion between them.
 pub(super) struct Tie {
     pub(super) a: u32,
     pub(super) b: u32,
     pub(super) a_from_b: Se3,
     /// For a left perturbation `[translation; rotation]` of `a_from_b`.
     pub(super) covariance: Mat6,
-    /// How far a pose graph believes it: a loop may have been wrong.
+    /// Kernel in the pose graph; robust for loops, which may be wrong.
     pub(super) kernel: EdgeKernel,
 }
 
-/// The ties of a map.
 pub(super) struct Drift<'a> {
     pub(super) nodes: Nodes<'a>,
     pub(super) ties: Vec<Tie>,
-    /// Per node: the numbers of its ties.
+    /// Per node: indices of its ties.
     of_node: Vec<Vec<u32>>,
-    /// How far the nodes lie from their middle (root mean square), m.
+    /// Root mean square distance of the nodes from their centroid, m.
     pub(super) spread: f64,
 }
 
 impl<'a> Drift<'a> {
-    /// The ties between neighbours, and those of loops that were closed before.
+    /// Ties between neighbours and those of earlier loops.
     pub(super) fn new(view: &'a MapView, nodes: Nodes<'a>, earlier: &[LoopEdge]) -> Self {
         let _span = tracing::info_span!("drift").entered();
         let pairs = nodes.essential_pairs();
@@ -91,8 +89,9 @@ impl<'a> Drift<'a> {
         }
     }
 
-    /// Covariance of the motion between two nodes along the least uncertain path, for a left perturbation of `a_from_b`; none when
-    /// nothing ties them. An upper bound: other paths know more, but not independently of this one.
+    /// Covariance of the motion between two nodes along the least uncertain path, for a left perturbation of
+    /// `a_from_b`; `None` if they are not connected. An upper bound, since the information of other paths, which is
+    /// correlated, is not used.
     pub(super) fn between(&self, a: u32, b: u32) -> Option<Mat6> {
         let count = self.nodes.keyframes.len();
         let mut best = vec![f64::INFINITY; count];
@@ -125,7 +124,7 @@ impl<'a> Drift<'a> {
         if !best[b as usize].is_finite() {
             return None;
         }
-        // In world coordinates the perturbation of a tie is the same from both of its ends.
+        // In world coordinates a tie's perturbation is the same from both ends.
         let mut sum = Mat6::zeros();
         let mut node = b;
         while node != a {
@@ -138,8 +137,8 @@ impl<'a> Drift<'a> {
         Some(moved(&sum, &a_from_world))
     }
 
-    /// How far a loop's motion is from the map's: squared Mahalanobis distance by what the path between both keyframes may have drifted and what the motion itself is known to;
-    /// and the covariance of both.
+    /// Squared Mahalanobis distance of a loop's motion from the map's, with the combined covariance of path and loop;
+    /// and that covariance.
     pub(super) fn cost(&self, view: &MapView, edge: &LoopEdge) -> Option<(f64, Mat6)> {
         let (a, b, measured) = self.nodes.loop_between(view, edge)?;
         let covariance = self.between(a, b)? + loop_covariance(&edge.information, &measured);
@@ -147,19 +146,18 @@ impl<'a> Drift<'a> {
         Some((cost, covariance))
     }
 
-    /// The motion between two nodes, as the map has it.
     pub(super) fn motion(&self, a: u32, b: u32) -> Se3 {
         self.nodes.motion(a, b)
     }
 
-    /// Uncertainty that a tie adds to a path, m^2. Rotations count with the nodes' distance from their middle, their lever on the far end.
+    /// Uncertainty that a tie adds to a path, m^2. Rotations are scaled by the spread of the nodes, their lever arm.
     fn length(&self, covariance: &Mat6) -> f64 {
         let (d, lever) = (covariance.diagonal(), self.spread);
         d[0] + d[1] + d[2] + lever * lever * (d[3] + d[4] + d[5])
     }
 }
 
-/// Squared Mahalanobis distance between two motions, for a left perturbation; infinite where it has no meaning.
+/// Squared Mahalanobis distance between two motions, for a left perturbation; infinite if the covariance is singular.
 pub(super) fn distance(measured: &Se3, expected: &Se3, covariance: &Mat6) -> f64 {
     let off = (*measured * expected.inverse()).log();
     let solved = pose_covariance(covariance).map(|information| off.dot(&(information * off)));
@@ -172,7 +170,7 @@ pub(super) fn loop_covariance(information: &Mat6, old_from_new: &Se3) -> Mat6 {
     measured.unwrap_or_else(Mat6::zeros) + common(old_from_new, TIE_M, TIE_RAD, TIE_SHARE)
 }
 
-/// What does not average out.
+/// Covariance of errors that do not average out.
 fn common(motion: &Se3, metres: f64, radians: f64, share: f64) -> Mat6 {
     let (length, angle) = (motion.translation.norm(), motion.rotation.angle());
     let (of_length, of_angle) = (share * length, share * angle);
@@ -181,12 +179,12 @@ fn common(motion: &Se3, metres: f64, radians: f64, share: f64) -> Mat6 {
     Mat6::from_diagonal(&Vec6::new(t, t, t, r, r, r))
 }
 
-/// What is known of the motion between two keyframes by landmarks that both see: from what these tell of each one's pose.
+/// Covariance of the motion between two keyframes, from the covariances of both poses given their shared landmarks.
 pub(super) fn between_neighbours(of_a: &Mat6, of_b: &Mat6, a_from_b: &Se3) -> Mat6 {
     of_a + moved(of_b, a_from_b) + common(a_from_b, TIE_M, TIE_RAD, TIE_SHARE)
 }
 
-/// The same where too few landmarks tell: the frames between were bridged by flow.
+/// Likewise with too few shared landmarks, when the frames between were bridged by flow.
 pub(super) fn bridged(a_from_b: &Se3) -> Mat6 {
     common(a_from_b, BRIDGED_M, BRIDGED_RAD, BRIDGED_SHARE)
 }

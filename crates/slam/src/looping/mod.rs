@@ -1,6 +1,6 @@
-//! Looping: recognises places that the map holds twice, and says how to make them one.
+//! Loop closing: recognises places mapped twice and computes corrections.
 //!
-//! Owns the place index. Works on a view of the map and answers with a correction; changes nothing itself.
+//! Owns the place index. Works on a view of the map, which it does not change.
 
 mod agree;
 mod config;
@@ -31,31 +31,31 @@ use stillpoint_map::{Correction, Keyframe, KeyframeId, LoopEdge, MapView, Submap
 use stillpoint_place::{PlaceIndex, PlaceVector, Vocabulary};
 use verify::Verified;
 
-/// Keyframes between two closed loops: the map is given the time to settle. As in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Minimum number of keyframes between two closed loops, so that the map settles. As in ORB-SLAM2 (Mur-Artal, Tardos
+/// 2017).
 const MIN_GAP: usize = 10;
-/// Motions to older keyframes that are remembered, a number: those of six keyframes at least, with as many candidates by their looks as by where they
-/// are (twice `CANDIDATES`). Six are chosen.
+/// Maximum number of remembered motions to older keyframes: those of six keyframes at least, with as many candidates by
+/// appearance as by position (twice `CANDIDATES`). Six are chosen.
 const SIGHTINGS: usize = 6 * 2 * CANDIDATES;
 
-/// Closes loops, and puts submaps together.
+/// Closes loops and joins submaps.
 pub struct LoopCloser {
     config: LoopingConfig,
     seed: u64,
     scale_factor: f64,
     vocabulary: Vocabulary,
     index: PlaceIndex<KeyframeId>,
-    /// Loops that were closed.
     edges: Vec<LoopEdge>,
-    /// What the last keyframes told of older ones, whether a loop was closed with it or not.
+    /// Motions of the last keyframes to older ones, whether a loop was closed or not.
     sightings: Vec<LoopEdge>,
     min_held: usize,
     last_closed: Option<KeyframeId>,
-    /// The first version of the map that holds the last correction; none while the mapper has not answered.
+    /// First version of the map that contains the last correction; `None` until the mapper replies.
     valid_from: Option<u64>,
 }
 
 impl LoopCloser {
-    /// A loop closer that knows no place.
+    /// A loop closer without known places.
     #[must_use]
     pub fn new(setup: impl Into<LoopCloserSetup>) -> Self {
         let setup = setup.into();
@@ -73,7 +73,7 @@ impl LoopCloser {
         }
     }
 
-    /// Takes a message and answers with a correction when a loop is closed.
+    /// Processes a message; the reply has a correction if a loop was closed.
     pub fn step(&mut self, message: LoopCloserMsg) -> LoopCloserOut {
         match message {
             LoopCloserMsg::Keyframe { id, view } => self.take_keyframe(id, &view),
@@ -90,7 +90,7 @@ impl LoopCloser {
                 };
                 self.edges.retain(holds);
                 self.sightings.retain(holds);
-                // Their places go with those of culled ones.
+                // Places of revoked keyframes are removed together with culled ones.
                 self.answer()
             }
             LoopCloserMsg::Known { view } => {
@@ -120,7 +120,7 @@ impl LoopCloser {
         }
     }
 
-    /// The places that are known by now, and nothing else.
+    /// A reply with the current place index only.
     fn answer(&self) -> LoopCloserOut {
         LoopCloserOut {
             correction: None,
@@ -129,7 +129,6 @@ impl LoopCloser {
         }
     }
 
-    /// Adds a keyframe to the index.
     fn learn(&mut self, keyframe: &Keyframe) -> Arc<PlaceVector> {
         let data = &keyframe.data;
         let vector = self
@@ -140,7 +139,7 @@ impl LoopCloser {
         vector
     }
 
-    /// Judges the candidates, and corrects the map with the one that most speaks for, if that is enough.
+    /// Evaluates the candidates and corrects the map with the best one, if its evidence suffices.
     fn close(
         &mut self,
         view: &MapView,
@@ -161,7 +160,7 @@ impl LoopCloser {
             let Some(with) = view.keyframe(candidate.with) else {
                 continue;
             };
-            // Submaps are joined at once, as the poses of the one mean nothing in the other until then.
+            // Submaps are joined without delay, as their poses are unrelated until then.
             if too_soon && with.submap == keyframe.submap {
                 continue;
             }
@@ -180,7 +179,7 @@ impl LoopCloser {
         (closed, Some(report))
     }
 
-    /// Finds the motion to a candidate, and weighs all that speaks for it and against it.
+    /// Estimates the motion to a candidate and weighs the evidence.
     fn judge<'a>(
         &mut self,
         look: &mut Look<'a>,
@@ -207,7 +206,7 @@ impl LoopCloser {
             witnesses: evidence::witnesses(report.agreeing),
             place: 0.0,
         };
-        // Nothing ties two submaps yet that could speak for it or against it.
+        // Different submaps have no relative pose yet, so position is no evidence.
         if with.submap == keyframe.submap {
             let Some((cost, covariance)) = drift.cost(view, &edge) else {
                 report.outcome = LoopOutcome::TooLittle;
@@ -228,7 +227,6 @@ impl LoopCloser {
         Some(verified)
     }
 
-    /// Corrects the map by a motion that is believed.
     fn correct(
         &mut self,
         look: &mut Look<'_>,
@@ -251,20 +249,20 @@ impl LoopCloser {
             report.outcome = LoopOutcome::Elsewhere;
             return None;
         };
-        // Submaps that were joined are tied by their tree.
+        // Joined submaps are connected by their tree of parents.
         if correction.join.is_none() {
             self.edges.push(edge);
         }
         self.last_closed = Some(keyframe.id);
-        // Until the mapper has answered, every view is from before this correction.
+        // Until the mapper replies, every view predates this correction.
         self.valid_from = None;
-        // These candidates lead to the loop that is closed now.
+        // These sightings belong to the loop just closed.
         self.sightings.clear();
         report.joined = correction.join;
         Some(correction)
     }
 
-    /// What the paths between the keyframe's submap and another one may have drifted.
+    /// Drift between the keyframe's submap and another one.
     fn drift<'b, 'a>(&self, look: &'b mut Look<'a>, submap: SubmapId) -> &'b Drift<'a> {
         let (view, own) = (look.view, look.keyframe.submap);
         look.drifts.entry(submap).or_insert_with(|| {
@@ -273,7 +271,7 @@ impl LoopCloser {
         })
     }
 
-    /// Keeps what a keyframe told of an older one, and forgets the oldest.
+    /// Stores a sighting, dropping the oldest if full.
     fn remember(&mut self, sighting: LoopEdge) {
         if self.sightings.len() == SIGHTINGS {
             self.sightings.remove(0);
@@ -281,13 +279,11 @@ impl LoopCloser {
         self.sightings.push(sighting);
     }
 
-    /// Whether a view holds the last correction. One that does not must not be corrected, or the same drift would be taken out
-    /// twice.
+    /// Whether a view contains the last correction. Correcting an older one would remove the same drift twice.
     fn is_up_to_date(&self, view: &MapView) -> bool {
         self.valid_from.is_some_and(|v| view.version() >= v)
     }
 
-    /// Whether a loop was closed just now: the map is given the time to settle.
     fn is_too_soon(&self, view: &MapView, now: KeyframeId) -> bool {
         self.last_closed.is_some_and(|last| {
             let between = view.keyframes().filter(|k| k.id > last && k.id <= now);
@@ -296,16 +292,14 @@ impl LoopCloser {
     }
 }
 
-/// A keyframe whose candidates are examined.
 struct Look<'a> {
     view: &'a MapView,
     keyframe: &'a Keyframe,
-    /// By the candidate's submap, what the paths to it may have drifted: worked out for the first candidate that needs it, as that takes longer
-    /// than all else.
+    /// Drift by the candidate's submap, computed on first use, as it is the most expensive step.
     drifts: BTreeMap<SubmapId, Drift<'a>>,
 }
 
-/// Whether more speaks for one candidate than for another, or, where nothing can be said, more was found.
+/// Whether candidate `a` has more evidence, or without evidence more inliers.
 fn is_better(a: &LoopReport, b: &LoopReport) -> bool {
     let odds = |r: &LoopReport| r.evidence.map_or(f64::NEG_INFINITY, |e| e.log_odds());
     let found = |r: &LoopReport| (r.inliers, r.rigid_inliers);
@@ -315,7 +309,7 @@ fn is_better(a: &LoopReport, b: &LoopReport) -> bool {
         .is_gt()
 }
 
-/// The report on a candidate of which nothing is known yet.
+/// An empty report on a candidate.
 fn begun(keyframe: KeyframeId, candidate: &Candidate) -> LoopReport {
     LoopReport {
         keyframe,

@@ -1,4 +1,4 @@
-//! The keyframes that a loop may move, numbered, and what ties them.
+//! The keyframes affected by a loop, as numbered nodes, and their connections.
 
 use std::collections::{BTreeMap, BTreeSet};
 use stillpoint_geometry::{Se3, Vec3};
@@ -7,20 +7,20 @@ use stillpoint_map::{
     SubmapId,
 };
 
-/// Keyframes around one that count as the same place, a number: so many that share most landmarks with it, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Number of most covisible keyframes that count as the same place, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const GROUP: usize = 10;
-/// Keyframes that share at least so many landmarks are tied beside the tree of parents, as in the essential graph of ORB-SLAM (Mur-Artal, Montiel,
-/// Tardos, T-RO 2015).
+/// Minimum number of shared landmarks of a tie beside the tree of parents, as in the essential graph of ORB-SLAM
+/// (Mur-Artal, Montiel, Tardos, T-RO 2015).
 const MIN_SHARED: u32 = 100;
 
-/// The live keyframes of the submaps that take part, numbered.
+/// The live keyframes of the submaps involved, numbered.
 pub(super) struct Nodes<'a> {
     pub(super) keyframes: Vec<&'a Keyframe>,
     pub(super) index: BTreeMap<KeyframeId, u32>,
 }
 
 impl<'a> Nodes<'a> {
-    /// Those of one or two submaps; of the submap that began first, the first keyframe comes first.
+    /// Nodes of one or two submaps; the first keyframe of the older submap comes first.
     pub(super) fn new(view: &'a MapView, a: SubmapId, b: SubmapId) -> Self {
         let all = view.keyframes().map(|k| &**k);
         let mut keyframes: Vec<&Keyframe> =
@@ -33,7 +33,7 @@ impl<'a> Nodes<'a> {
         }
     }
 
-    /// The tree of parents, and the pairs that share most: (younger end's partner, younger end).
+    /// Edges of the essential graph: the tree of parents and strongly covisible pairs, as (older, younger).
     pub(super) fn essential_pairs(&self) -> Vec<(u32, u32)> {
         let mut pairs = Vec::new();
         for (b, k) in self.keyframes.iter().enumerate() {
@@ -50,18 +50,17 @@ impl<'a> Nodes<'a> {
         pairs
     }
 
-    /// The motion from one node to another, as the map has it.
     pub(super) fn motion(&self, a: u32, b: u32) -> Se3 {
         let pose = |i: u32| self.keyframes[i as usize].world_from_camera;
         pose(a).inverse() * pose(b)
     }
 
-    /// A loop between the keyframes that its ends are now, through tombstones: both nodes, and the measured motion.
+    /// Both nodes of a loop edge and the measured motion. Culled ends resolve through tombstones.
     pub(super) fn loop_between(&self, view: &MapView, edge: &LoopEdge) -> Option<(u32, u32, Se3)> {
         let end = |id: KeyframeId| {
             let live = view.resolve_keyframe(id)?;
             let live_from_world = view.world_from_keyframe(live)?.inverse();
-            // The end may have been culled; the measurement is then moved to the keyframe on which its tombstone hangs.
+            // If the end was culled, moves the measurement to the keyframe that its tombstone refers to.
             let live_from_id = live_from_world * view.world_from_keyframe(id)?;
             Some((*self.index.get(&live)?, live_from_id))
         };
@@ -98,7 +97,7 @@ impl<'a> Nodes<'a> {
     }
 }
 
-/// A keyframe and those that share most landmarks with it, by id.
+/// A keyframe and its most covisible ones, sorted by id.
 pub(super) fn group_of(k: &Keyframe) -> Vec<KeyframeId> {
     let mut group: Vec<KeyframeId> = k.covisible.iter().take(GROUP).map(|c| c.0).collect();
     group.push(k.id);
@@ -106,7 +105,7 @@ pub(super) fn group_of(k: &Keyframe) -> Vec<KeyframeId> {
     group
 }
 
-/// The keyframes that share landmarks with one, and those that share landmarks with these.
+/// The keyframes covisible with one, and those covisible with them.
 pub(super) fn surroundings(view: &MapView, k: &Keyframe) -> BTreeSet<KeyframeId> {
     let mut near = BTreeSet::from([k.id]);
     for (id, _) in &k.covisible {

@@ -1,4 +1,4 @@
-//! What bundle adjustment of whole submaps is about.
+//! The global bundle adjustment problem.
 
 use super::nodes::Nodes;
 use crate::association::measurement_in;
@@ -7,17 +7,16 @@ use stillpoint_estimation::{BundleObservation, BundleProblem, Intrinsics};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_map::{LandmarkId, MapView};
 
-/// The landmarks of the whole map that at least two keyframes see, merged.
+/// All landmarks seen by at least two keyframes, with duplicates merged.
 pub(super) struct Points {
     pub(super) landmarks: Vec<LandmarkId>,
-    /// World positions, m.
     pub(super) positions: Vec<Vec3>,
-    /// By point; poses are numbers of nodes.
+    /// Grouped by point; poses are node indices.
     pub(super) observations: Vec<BundleObservation>,
 }
 
 impl Points {
-    /// Where landmarks start from (they moved with their anchors), and what `camera` would have measured of them.
+    /// Initial landmark positions (moved with their anchors) and their measurements, converted to `camera`.
     pub(super) fn gather(
         view: &MapView,
         camera: &Camera,
@@ -33,7 +32,7 @@ impl Points {
                 Some((id, node as u32, feature as u32))
             }));
         }
-        // By landmark, in the order of nodes; of two features of one keyframe the first.
+        // Sorted by landmark and node; of two features of one keyframe the first is kept.
         seen.sort_unstable();
         seen.dedup_by_key(|(id, node, _)| (*id, *node));
         let mut points = Self {
@@ -64,8 +63,9 @@ impl Points {
         points
     }
 
-    /// The problem of bundle adjustment for the nodes that are held, and where each node's pose is in it. Free poses come first; the
-    /// first keyframe, which holds the map in place, is the last. Of a large map the observations are most of what there is: they are not copied.
+    /// The bundle adjustment problem of the supported nodes, and the index of each node's pose in it. Free poses come
+    /// first; the first keyframe, which fixes the gauge, is the last. Reuses the observations, which dominate memory in
+    /// large maps.
     pub(super) fn problem(
         self,
         camera: Intrinsics,
@@ -79,7 +79,7 @@ impl Points {
             places[node] = Some(in_camera.len() as u32);
             in_camera.push(poses[node].inverse());
         }
-        // What the others saw would pull at points without a pose that it could be weighed with.
+        // Observations of other nodes would pull at points without a pose to optimise.
         let mut seen = self.observations;
         seen.retain_mut(|o| {
             let place = places[o.pose as usize];

@@ -1,44 +1,43 @@
-//! Which older keyframes may show the same place: by what they look like.
+//! Loop candidates by appearance.
 
 use super::LoopCloser;
 use super::nodes::surroundings;
 use stillpoint_map::{Keyframe, KeyframeId, MapView};
 use stillpoint_place::PlaceMatch;
 
-/// Keyframes that look most alike and are looked into, a number: half of the ten that are verified at most (decision 46).
+/// Number of most similar keyframes to verify: half of the ten that are verified at most (decision 46).
 pub(super) const CANDIDATES: usize = 5;
-/// Keyframes that look alike and are compared with the candidates, a number: the neighbours of a candidate come first, and what looks like it
+/// Number of similar keyframes to compare with the candidates: a candidate's neighbours come first, similar places
 /// elsewhere after them. Chosen: two such neighbours for each candidate.
 const COMPARED: usize = 3 * CANDIDATES;
-/// The newest keyframes are no candidates: what was seen just now is matched by tracking, or it is hidden. Chosen: ten are a second of a fast turn,
-/// and then the place that is wanted is among them (decision 30).
+/// Number of newest keyframes excluded as candidates: recently seen places are matched by tracking, or occluded.
+/// Chosen: ten are a second of a fast turn, and then the wanted place is among them (decision 30).
 pub(super) const NEWEST: usize = 3;
 
-/// How a candidate was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum By {
-    /// By what it looks like.
+    /// By appearance.
     Words,
-    /// By where the map says that it is.
+    /// By its position in the map.
     Pose,
 }
 
 /// An older keyframe that may show the same place.
 pub(super) struct Candidate {
     pub(super) with: KeyframeId,
-    /// Likeness; 0 where it was not asked for.
+    /// Similarity; 0 if not computed.
     pub(super) score: f64,
-    /// Likeness of what looks most like it elsewhere on the map.
+    /// Similarity of the most similar place elsewhere in the map.
     pub(super) rival: f64,
     pub(super) by: By,
 }
 
 impl LoopCloser {
-    /// Adds the keyframe to the index; returns what looks like it and is of another submap, or, when loops are closed, is
-    /// not seen together with it and not recent.
+    /// Adds the keyframe to the index. Returns similar keyframes of other submaps and, if loops are closed, of the same
+    /// submap that are neither covisible nor recent.
     pub(super) fn recognise(&mut self, view: &MapView, keyframe: &Keyframe) -> Vec<Candidate> {
         let _span = tracing::info_span!("recognise").entered();
-        // A culled keyframe cannot be verified, and would take the place of a candidate that can.
+        // A culled keyframe cannot be verified, and would displace a candidate that can.
         let gone: Vec<KeyframeId> = self
             .index
             .keys()
@@ -47,7 +46,7 @@ impl LoopCloser {
         for key in gone {
             self.index.remove(key);
         }
-        // Also where nothing is asked now: later keyframes may come back to this place.
+        // Added even if no query follows: later keyframes may return to this place.
         let vector = self.learn(keyframe);
         let elsewhere = view.keyframes().any(|k| k.submap != keyframe.submap);
         if !elsewhere && !self.config.enabled {
@@ -69,7 +68,7 @@ impl LoopCloser {
     }
 }
 
-/// A candidate and its rival, which is not seen together with it.
+/// A candidate with its rival, the best match not covisible with it.
 fn compared(
     view: &MapView,
     candidate: &PlaceMatch<KeyframeId>,

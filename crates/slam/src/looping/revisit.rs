@@ -1,7 +1,8 @@
-//! Places that the map says are in sight again, and of which nothing is matched: after a fast turn a pose may be off by some degrees, tracking
-//! looks for landmarks where they are not, and everything is mapped a second time.
+//! Loop candidates by position: places expected in view of which nothing is matched. After a fast turn a pose may be
+//! off by some degrees; tracking then searches landmarks in the wrong place, and everything is mapped twice.
 //!
-//! Such a place need not be recognised by its looks: the map tells where its landmarks should be, nearly. They are looked for around there.
+//! Such places need no recognition by appearance: their landmarks are searched in wide windows around the expected
+//! positions.
 
 use super::LoopCloser;
 use super::nodes::group_of;
@@ -12,22 +13,25 @@ use stillpoint_features::best_two;
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_map::{Keyframe, KeyframeId, LandmarkId, MapView};
 
-/// Landmarks of an older keyframe that must be in the image, at least, a number (decision 30).
+/// Minimum number of landmarks of an older keyframe expected in the image (decision 30).
 const MIN_EXPECTED: usize = 40;
-/// Of these so many, at most, may be shared, a share (decision 30): a keyframe that shares more is where it should be.
+/// Maximum share of these that are already matched, a share (decision 30): a keyframe that shares more is where it
+/// should be.
 const MAX_SHARED: f64 = 0.2;
-/// Keyframes that are looked into, a number: those of which most is in the image, half of the ten that are verified at most (decision 46).
+/// Number of keyframes to verify, those with most landmarks in the image: half of the ten that are verified at most
+/// (decision 46).
 const MOST: usize = 5;
-/// How far a landmark may be from where the map says, as an angle, rad: by so much some frames of a fast turn with few features may mislead.
-/// Measured: 0.25 closes the loops of the same runs (decision 30).
+/// Search radius around a landmark's expected position, as an angle, rad: the error after some frames of a fast turn
+/// with few features. Measured: 0.25 closes the loops of the same runs (decision 30).
 pub(super) const REACH_RAD: f64 = 0.15;
-/// The best feature must be so much more alike than the second best, a ratio of distances: the one of matching.
+/// Maximum ratio of the best to the second-best distance: the one of matching.
 const RATIO: f64 = 0.9;
-/// Landmarks of a keyframe that are projected to tell whether it is worth to project all of them, a number: where a quarter is in the image, one of
-/// 16 is with a probability of 99 %.
+/// Number of landmarks projected to decide whether to project all of a keyframe: where a quarter is in the image, one
+/// of 16 is with a probability of 99 %.
 const SAMPLE: usize = 16;
 impl LoopCloser {
-    /// Older keyframes of the same submap whose landmarks should be seen, and are not; `known` are looked into anyway.
+    /// Older keyframes of the same submap whose landmarks should be in view but are not matched; `known` candidates are
+    /// excluded.
     pub(super) fn revisited(
         &self,
         view: &MapView,
@@ -72,14 +76,14 @@ impl LoopCloser {
         found.into_iter().map(candidate).collect()
     }
 
-    /// Whether any of some landmarks of an older keyframe is in the image.
+    /// Whether a sample of an older keyframe's landmarks has any in the image.
     fn may_be_seen(&self, view: &MapView, keyframe: &Keyframe, old: &Keyframe) -> bool {
         let step = (old.matches.len() / SAMPLE).max(1);
         let mut some = old.matches.iter().step_by(step).flatten();
         some.any(|l| self.is_in_image(view, keyframe, *l))
     }
 
-    /// Whether a landmark should be in the image of a keyframe, and near enough to be recognised.
+    /// Whether a landmark should be in a keyframe's image, within its scale range.
     fn is_in_image(&self, view: &MapView, keyframe: &Keyframe, id: LandmarkId) -> bool {
         let landmark = view.landmark(id).zip(view.landmark_position(id));
         landmark.is_some_and(|(landmark, position)| {
@@ -88,7 +92,7 @@ impl LoopCloser {
         })
     }
 
-    /// Landmarks of the older keyframe, and the features that look like them around where the map says that they are.
+    /// Landmarks of the older keyframe paired with similar features near their expected positions.
     pub(super) fn pairs_by_pose(
         &self,
         view: &MapView,
@@ -125,13 +129,12 @@ impl LoopCloser {
     }
 }
 
-/// Where a camera looks, in the world.
 fn forward(world_from_camera: &Se3) -> Vec3 {
     world_from_camera.rotation * Vec3::z()
 }
 
-/// Landmarks around an older keyframe, as far as they are of its time rather than of the new one's: what was mapped a second time would tell
-/// that everything is where it was.
+/// Landmarks around an older keyframe, from the older half of keyframes only: landmarks mapped twice would confirm the
+/// current pose.
 pub(super) fn landmarks_of_then(view: &MapView, old: &Keyframe, new: &Keyframe) -> Vec<LandmarkId> {
     let middle = old.id.0 + (new.id.0 - old.id.0) / 2;
     let mut group = group_of(old);

@@ -1,7 +1,7 @@
-//! What the landmarks that two keyframes share tell of the motion between them.
+//! Covariance of the motion between two keyframes from shared landmarks.
 //!
-//! What a landmark tells of a keyframe's pose does not depend on who else sees it: it is worked out once per keyframe, and added up for each of
-//! its neighbours.
+//! A landmark's contribution to a keyframe's pose does not depend on other keyframes: it is computed once per keyframe
+//! and summed for each neighbour.
 
 use super::drift::{between_neighbours, bridged};
 use super::nodes::Nodes;
@@ -11,29 +11,28 @@ use stillpoint_estimation::{Intrinsics, Measurement, linearise, pose_covariance}
 use stillpoint_geometry::{Mat6, Vec3};
 use stillpoint_map::{Keyframe, LandmarkId, MapView};
 
-/// Fewer shared landmarks measure no motion (decision 22): the frames between were bridged by flow.
+/// Minimum number of shared landmarks to measure a motion (decision 22); with fewer, the frames between were bridged by
+/// flow.
 const MIN_MEASURED: usize = 15;
 
-/// The lower triangle of a symmetric 6x6 matrix, row by row.
+/// Lower triangle of a symmetric 6x6 matrix, row by row.
 type Triangle = [f64; 21];
 
-/// What some landmarks say of a keyframe's pose.
+/// Information of some landmarks on a keyframe's pose.
 #[derive(Clone)]
 pub(super) struct Known {
     pub(super) count: usize,
     information: Triangle,
-    /// Sum of their squared residuals.
     chi2: f64,
-    /// Measured values.
     values: f64,
 }
 
-/// What one landmark says of it.
+/// Contribution of one landmark.
 struct Term {
-    /// Squared residual, at most three times its gate: what is far off counts no more.
+    /// Squared residual, clamped to nine times its gate.
     chi2: f64,
     values: f64,
-    /// The information of each measured value; none of an outlier, which holds nothing.
+    /// Information of each measured value; `None` for an outlier.
     information: Option<[Triangle; 3]>,
 }
 
@@ -54,7 +53,6 @@ impl Term {
     }
 }
 
-/// `w * row^T row`.
 fn weighted(row: &[f64; 6], w: f64) -> Triangle {
     let mut out = [0.0; 21];
     let mut at = 0;
@@ -75,7 +73,7 @@ impl Known {
         values: 0.0,
     };
 
-    /// For a left perturbation of `camera_from_world`; larger where the landmarks fit badly.
+    /// For a left perturbation of `camera_from_world`; inflated if the residuals are larger than stated.
     pub(super) fn covariance(&self) -> Option<Mat6> {
         let fit = (self.chi2 / self.values.max(1.0)).max(1.0);
         let at = |r: usize, c: usize| self.information[r * (r + 1) / 2 + c];
@@ -83,7 +81,6 @@ impl Known {
         pose_covariance(&information).map(|c| c * fit)
     }
 
-    /// From points in camera coordinates and their measurements.
     pub(super) fn gather(
         camera: &Intrinsics,
         seen: impl Iterator<Item = (Vec3, Measurement)>,
@@ -106,7 +103,7 @@ impl Known {
     }
 }
 
-// Not inlined: only of arguments the compiler knows that they do not overlap, and works on pairs of numbers.
+// Not inlined, so that the compiler knows that the arguments do not alias and vectorises the loop.
 #[inline(never)]
 fn add(sum: &mut Triangle, terms: &[Triangle; 3]) {
     for term in terms {
@@ -116,7 +113,7 @@ fn add(sum: &mut Triangle, terms: &[Triangle; 3]) {
     }
 }
 
-/// Covariances of the motions `a_from_b` between nodes (a, b), for left perturbations, by the landmarks that both see.
+/// Covariances of the motions `a_from_b` between nodes (a, b), for left perturbations, from shared landmarks.
 pub(super) fn covariances(view: &MapView, nodes: &Nodes<'_>, pairs: &[(u32, u32)]) -> Vec<Mat6> {
     let mut of_node: Vec<Vec<(u32, usize)>> = vec![Vec::new(); nodes.keyframes.len()];
     for (i, (a, b)) in pairs.iter().enumerate() {
@@ -152,7 +149,7 @@ pub(super) fn covariances(view: &MapView, nodes: &Nodes<'_>, pairs: &[(u32, u32)
     pairs.iter().zip(&known).map(covariance).collect()
 }
 
-/// What each landmark that a keyframe sees tells of its pose, in the order of features.
+/// Contribution of each landmark seen by a keyframe, in the order of features.
 fn terms(view: &MapView, k: &Keyframe) -> Vec<(LandmarkId, Term)> {
     let camera_from_world = k.world_from_camera.inverse();
     let camera = Intrinsics::from(&k.data.camera);

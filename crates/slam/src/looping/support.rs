@@ -1,4 +1,4 @@
-//! Which keyframes bundle adjustment can hold, and where the others go.
+//! Selects the keyframes with enough support for bundle adjustment, and moves the others along.
 
 use super::nodes::Nodes;
 use super::points::Points;
@@ -6,12 +6,13 @@ use super::shared::Known;
 use stillpoint_estimation::Intrinsics;
 use stillpoint_geometry::Se3;
 
-/// What the landmarks of a keyframe must tell of its pose, at least: a standard deviation of this share of their median depth, and of as many radians
+/// Maximum standard deviation of a keyframe's pose from its landmarks, as a share of their median depth and in radians
 /// (decision 22). It moves the image by 2 % of the focal length.
 const MAX_SHARE: f64 = 0.02;
 
-/// Per node: whether its landmarks hold it. The first node is held; another one is when at least `min_held` landmarks that it
-/// shares with nodes that are held tell its pose. So a group that hangs together well and on the rest by a few is not held either.
+/// Per node: whether its pose is supported. The first node is; another one is if at least `min_held` landmarks shared
+/// with supported nodes determine its pose. A well-connected group with few links to the rest is therefore not
+/// supported.
 pub(super) fn held(
     points: &Points,
     poses: &[Se3],
@@ -47,7 +48,7 @@ pub(super) fn held(
                 reached[*other as usize] += 1;
             }
         }
-        // A node without enough support before may have enough now. Each pass holds at least one more node, or is the last.
+        // A node may gain support in a later pass. Each pass adds at least one node, or is the last.
         let next = (0..count).filter(|n| !held[*n] && reached[*n] as usize >= min_held.max(1));
         let tells = |n: &usize| {
             let camera_from_world = poses[*n].inverse();
@@ -68,7 +69,7 @@ pub(super) fn held(
     held
 }
 
-/// Whether some landmarks tell a pose. Those that do not fit count as well: the pose is from before bundle adjustment, which moves it.
+/// Whether landmarks determine a pose. Poor fits count as well: the pose predates bundle adjustment, which moves it.
 fn is_known(
     camera: &Intrinsics,
     seen: impl Iterator<
@@ -78,7 +79,7 @@ fn is_known(
         ),
     >,
 ) -> bool {
-    // As if every measurement were met: the question is what they can tell, not how well they fit.
+    // Replaces measurements by predictions: only the geometry matters here, not the fit.
     let mut depths = Vec::new();
     let fitting = seen.filter(|(p, _)| p.z > 1e-3).map(|(p, mut m)| {
         depths.push(p.z);
@@ -98,7 +99,7 @@ fn is_known(
     t <= MAX_SHARE * depth * MAX_SHARE * depth && r <= MAX_SHARE * MAX_SHARE
 }
 
-/// Moves the nodes that are not held with the nearest ancestor that is, or else with the node before: their place relative to it stays.
+/// Moves unsupported nodes rigidly with their nearest supported ancestor, else with the node before.
 pub(super) fn follow(nodes: &Nodes<'_>, held: &[bool], before: &[Se3], after: &mut [Se3]) {
     for node in 0..after.len() {
         if held[node] {
@@ -113,10 +114,9 @@ pub(super) fn follow(nodes: &Nodes<'_>, held: &[bool], before: &[Se3], after: &m
     }
 }
 
-/// The nearest ancestor that is held.
 fn ancestor(nodes: &Nodes<'_>, held: &[bool], node: usize) -> Option<usize> {
     let mut at = node;
-    // A tree is no deeper than it has nodes.
+    // A tree is no deeper than its number of nodes.
     for _ in 0..held.len() {
         let parent = nodes.keyframes[at].parent?;
         at = *nodes.index.get(&parent)? as usize;
@@ -160,7 +160,7 @@ mod tests {
         (0..48 * groups).map(point).collect()
     }
 
-    /// What the nodes see: `seen(node, point)` is the point that is taken for it.
+    /// Observations of the nodes: `seen(node, point)` is the index of the point observed in its place.
     fn gather(positions: Vec<Vec3>, seen: impl Fn(usize, usize) -> Option<usize>) -> Points {
         let mut observations = Vec::new();
         for point in 0..positions.len() {
@@ -188,7 +188,7 @@ mod tests {
         }
     }
 
-    /// Where bundle adjustment leaves the last node, m from where it was.
+    /// Distance that bundle adjustment moves the last node, m.
     fn moved(points: Points, min_held: usize) -> f64 {
         let map = map(COUNT as u32);
         let nodes = Nodes::new(map.view(), SubmapId(0), SubmapId(0));
@@ -206,7 +206,7 @@ mod tests {
         (after[COUNT - 1].translation - before[COUNT - 1].translation).norm()
     }
 
-    /// Four wrong observations carry nobody off. Control: without the limit they do.
+    /// Four wrong observations do not move a keyframe. Control: without the limit they do.
     #[test]
     fn a_keyframe_with_four_observations_follows_its_neighbours() {
         let seen = || {
@@ -220,14 +220,15 @@ mod tests {
             })
         };
         assert!(moved(seen(), MIN_HELD) < 1e-6);
-        // They agree on a pose, 0.2 m beside the right one, so no size of a residual would tell.
+        // They agree on a pose 0.2 m beside the true one, so residuals do not reveal them.
         let free = |n: usize| held(&seen(), &poses(), &CAMERA, n);
         assert!(!free(MIN_HELD)[COUNT - 1] && free(4)[COUNT - 1]);
         let distance = moved(seen(), 4);
         assert!(distance > 0.1, "{distance}");
     }
 
-    /// Two keyframes that see the same things, but share four with the others, are not held either. Control: with all they are.
+    /// Two keyframes that see the same points, but share only four with the others, are not supported. Control: with
+    /// all points they are.
     #[test]
     fn a_group_that_hangs_by_four_points_is_not_held() {
         let shares = |count: usize| {
@@ -243,7 +244,7 @@ mod tests {
         assert_eq!(shares(40), [true; COUNT]);
     }
 
-    /// Many points in one spot tell no pose. Control: the same number all over the image does.
+    /// Many points in one spot do not determine a pose. Control: the same number all over the image does.
     #[test]
     fn many_points_in_one_spot_do_not_hold_a_keyframe() {
         let spot = |size: f64| {
@@ -256,7 +257,7 @@ mod tests {
         assert!(!spot(0.01));
     }
 
-    /// Who is not held keeps its place beside the nearest ancestor that is.
+    /// An unsupported node keeps its pose relative to the nearest supported ancestor.
     #[test]
     fn who_is_not_held_moves_with_his_ancestor() {
         let map = map(COUNT as u32);

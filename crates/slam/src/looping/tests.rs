@@ -8,7 +8,7 @@ use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Mat6, Se3, Vec3, Vec6};
 use stillpoint_map::{KeyframeData, Map, NewLandmark};
 
-/// A map of keyframes that share nothing.
+/// A map of keyframes that share no landmarks.
 pub(super) fn map(keyframes: u32) -> Map {
     let mut map = Map::new(8, 1.2);
     for k in 0..keyframes {
@@ -23,7 +23,7 @@ fn camera() -> Camera {
     Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0])
 }
 
-/// 96 things some 2 m ahead.
+/// 96 points some 2 m ahead.
 pub(super) fn things() -> Vec<Vec3> {
     let thing = |i: usize| {
         let (x, y) = ((i % 12) as f64, (i / 12) as f64);
@@ -32,7 +32,7 @@ pub(super) fn things() -> Vec<Vec3> {
     (0..96).map(thing).collect()
 }
 
-/// What a camera at a pose sees of some things, told apart by their numbers.
+/// Keyframe data of a camera observing numbered points; each number has its own descriptor.
 pub(super) fn sight(world_from_camera: &Se3, seen: &[(u64, Vec3)]) -> KeyframeData {
     let camera = camera();
     let pixel = |p: &Vec3| [500.0 * p.x / p.z + 320.0, 500.0 * p.y / p.z + 240.0];
@@ -68,7 +68,7 @@ pub(super) fn sight(world_from_camera: &Se3, seen: &[(u64, Vec3)]) -> KeyframeDa
     }
 }
 
-/// Adds a keyframe and a landmark for everything that it sees, where the map believes the keyframe to be.
+/// Adds a keyframe at its estimated pose, with a landmark for each observed point.
 pub(super) fn add(
     map: &mut Map,
     (id, parent): (u32, Option<u32>),
@@ -86,15 +86,15 @@ pub(super) fn add(
     map.refresh_covisibility(id, 15);
 }
 
-/// Where the camera of [`come_back`] is at last: (in truth, as the map believes).
+/// Final camera pose of [`come_back`]: (true, estimated).
 pub(super) fn ends() -> (Se3, Se3) {
     let truth = Se3::exp(&Vec6::new(0.15, -0.05, 0.1, 0.02, -0.04, 0.01));
     let drift = Se3::exp(&Vec6::new(0.06, 0.02, -0.03, 0.0, 0.01, 0.0));
     (truth, drift * truth)
 }
 
-/// A map whose first keyframe sees all things, whose next ones see others, and whose last one, 20, sees so many of the first again, and others. It knows none of
-/// them; it is `parent`'s child or begins a submap.
+/// A map whose first keyframe sees all points, whose next ones see others, and whose last one, 20, sees `again` of the
+/// first and others. It shares no landmarks with them; it is a child of `parent` or starts a submap.
 pub(super) fn come_back(again: usize, parent: Option<u32>) -> Map {
     let mut map = Map::new(8, 1.2);
     let all: Vec<(u64, Vec3)> = (0..).zip(things()).collect();
@@ -112,7 +112,6 @@ pub(super) fn come_back(again: usize, parent: Option<u32>) -> Map {
     }
     let (truth, believed) = ends();
     let mut seen = other(20);
-    // Spread over the image.
     for i in 0..again {
         let at = i * seen.len() / again.max(1);
         seen[at] = all[at];
@@ -121,7 +120,7 @@ pub(super) fn come_back(again: usize, parent: Option<u32>) -> Map {
     map
 }
 
-/// A loop closer that was shown these keyframes.
+/// A loop closer that knows the keyframes of a map.
 pub(super) fn knowing(map: &Map) -> LoopCloser {
     let mut loop_closer = LoopCloser::new(&Config::default());
     loop_closer.step(LoopCloserMsg::Known {
@@ -130,7 +129,6 @@ pub(super) fn knowing(map: &Map) -> LoopCloser {
     loop_closer
 }
 
-/// What becomes of the last keyframe of [`come_back`].
 fn shown(mut map: Map) -> (Map, LoopCloserOut) {
     let view = map.publish();
     let out = knowing(&map).step(LoopCloserMsg::Keyframe {
@@ -148,7 +146,7 @@ fn submaps_are_joined_where_enough_of_a_place_is_found_again() {
     assert!(report.joined.is_some() && report.evidence.unwrap().place == 0.0);
     map.apply(&out.correction.unwrap());
     assert_eq!(map.view().submaps().len(), 1);
-    // Control: one thing that hangs in two places is a twelfth of what should be in sight.
+    // Control: one object that appears in two places, with a twelfth of the expected landmarks.
     let (_, out) = shown(come_back(13, None));
     let report = out.report.unwrap();
     assert!(report.edge.is_some() && report.inliers >= 10, "{report:?}");
@@ -158,7 +156,7 @@ fn submaps_are_joined_where_enough_of_a_place_is_found_again() {
 
 #[test]
 fn where_a_place_lies_makes_up_for_few_landmarks() {
-    // The same thirteen, but the map knows where to expect them: within 7 cm.
+    // The same thirteen, but the map expects them within 7 cm.
     let (_, out) = shown(come_back(13, Some(0)));
     let report = out.report.unwrap();
     assert_eq!(report.outcome, LoopOutcome::Closed, "{report:?}");
@@ -168,7 +166,7 @@ fn where_a_place_lies_makes_up_for_few_landmarks() {
 #[test]
 fn an_equal_place_elsewhere_is_set_aside_whatever_is_found() {
     let mut map = come_back(96, Some(19));
-    // Twelve metres from where all of it would have to be, at the end of a path that knows 40 cm.
+    // 12 m from the expected position, with a path uncertainty of 40 cm.
     let (_, believed) = ends();
     for k in 1..=20 {
         let gone = Se3::new(Default::default(), Vec3::new(0.6 * f64::from(k), 0.0, 0.0));
@@ -185,7 +183,7 @@ fn an_equal_place_elsewhere_is_set_aside_whatever_is_found() {
     );
 }
 
-/// A motion that is known well.
+/// A precise loop edge.
 fn edge(old: u32, new: u32) -> LoopEdge {
     LoopEdge {
         old: KeyframeId(old),

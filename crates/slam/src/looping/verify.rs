@@ -1,4 +1,4 @@
-//! Geometric verification: do two keyframes see the same things from two places, and from which?
+//! Geometric verification of loop candidates.
 
 use super::recognise::By;
 use super::revisit::landmarks_of_then;
@@ -13,39 +13,40 @@ use stillpoint_features::best_two;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{Keyframe, KeyframeId, LandmarkId, LoopEdge, MapView};
 
-/// Points of both keyframes that agree on one rigid motion, and landmarks that are found with it, at least (decision 46): fewer measure no motion.
-/// Whether it is that of a place is for [`LoopEvidence`](crate::LoopEvidence) to say.
+/// Minimum number of points that agree on a rigid motion, and of landmarks found with it (decision 46): fewer measure
+/// no motion. Whether it is the same place is decided by [`LoopEvidence`](crate::LoopEvidence).
 const MIN_INLIERS: usize = 10;
-/// Radius of the search around where the motion found from pairs puts a landmark, px on level 0. Chosen: twice the radius once it is refined.
+/// Search radius for landmarks after the motion from pairs, px on level 0. Chosen: twice the radius of the refined
+/// motion.
 const WIDE_RADIUS_PX: f32 = 8.0;
-/// The same once the motion is refined, px on level 0: that with which ORB-SLAM2 (Mur-Artal, Tardos 2017) fuses landmarks at a loop.
+/// Search radius with the refined motion, px on level 0: that with which ORB-SLAM2 (Mur-Artal, Tardos 2017) fuses
+/// landmarks at a loop.
 pub(super) const RADIUS_PX: f32 = 4.0;
 
-/// A motion between two keyframes that geometry confirms.
+/// A geometrically verified motion between two keyframes.
 pub(super) struct Verified {
     /// Maps camera coordinates of the older keyframe to those of the new one.
     pub(super) new_from_old: Se3,
-    /// The inverse of its covariance, for a left perturbation `[translation; rotation]`.
+    /// Inverse covariance, for a left perturbation `[translation; rotation]`.
     pub(super) information: Mat6,
-    /// Landmarks of the older place, by id.
+    /// Landmarks of the older place, sorted by id.
     pub(super) landmarks: Vec<LandmarkId>,
 }
 
 impl Verified {
-    /// The motion, as the map keeps it.
+    /// The loop edge stored in the map.
     pub(super) fn edge(&self, old: KeyframeId, new: KeyframeId, inliers: u32) -> LoopEdge {
         LoopEdge {
             old,
             new,
             old_from_new: self.new_from_old.inverse(),
-            // Sums of products are symmetric but for their last bits.
+            // Removes rounding asymmetry.
             information: (self.information + self.information.transpose()) * 0.5,
             inliers,
         }
     }
 }
 
-/// A landmark and the feature that sees it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sighting {
     pub(super) landmark: LandmarkId,
@@ -54,7 +55,7 @@ pub(super) struct Sighting {
 }
 
 impl LoopCloser {
-    /// Finds the motion between two keyframes by their points, then by all landmarks around the older one.
+    /// Estimates the motion between two keyframes from point pairs, then from all landmarks around the older one.
     pub(super) fn verify(
         &self,
         view: &MapView,
@@ -72,7 +73,7 @@ impl LoopCloser {
             By::Pose => landmarks_of_then(view, old, new),
         };
         let (mut new_from_old, mut information) = (start, Mat6::zeros());
-        // Wide first, since a motion from single depths is rough; then narrow, where fewer wrong matches fit.
+        // First wide, since a motion from single depths is rough; then narrow, to admit fewer mismatches.
         for radius in [WIDE_RADIUS_PX, RADIUS_PX] {
             let camera_from_world = new_from_old * old.world_from_camera.inverse();
             let search = Search {
@@ -99,7 +100,7 @@ impl LoopCloser {
             );
             report.inliers = fit.inlier_count as u32;
             report.expected = expected;
-            // After each search: a pose that so few support would lead the next one astray.
+            // Checked after each search: a poorly supported pose would mislead the next one.
             if fit.inlier_count < MIN_INLIERS {
                 return Err(LoopOutcome::FewInliers);
             }
@@ -114,7 +115,7 @@ impl LoopCloser {
         })
     }
 
-    /// The motion on which most pairs of points agree.
+    /// Rigid motion with the most inlier pairs.
     fn rigid_motion(
         &self,
         view: &MapView,
@@ -132,7 +133,7 @@ impl LoopCloser {
             min_inliers: MIN_INLIERS,
             ..RigidOptions::default()
         };
-        // Several candidates are tried for one keyframe.
+        // Several candidates may be verified for one keyframe.
         let address = address(new.id.0, old.id.0);
         let camera = Intrinsics::from(&b.camera);
         let rng = rng(self.seed, address, Purpose::RIGID);
@@ -142,7 +143,7 @@ impl LoopCloser {
         Some(found.b_from_a)
     }
 
-    /// Features of both that look alike and fall into the same words.
+    /// Similar features of both keyframes that share a vocabulary word.
     fn pairs_by_words(&self, new: &Keyframe, old: &Keyframe) -> Option<Vec<RigidPair>> {
         let (a, b) = (&old.data, &new.data);
         let (of_old, of_new) = (self.index.get(old.id)?, self.index.get(new.id)?);
@@ -166,11 +167,10 @@ impl LoopCloser {
     }
 }
 
-/// A search for landmarks in a keyframe, as if it were somewhere else.
+/// A search for landmarks in a keyframe with a hypothetical pose.
 pub(super) struct Search<'a> {
     pub(super) view: &'a MapView,
     pub(super) keyframe: &'a Keyframe,
-    /// The pose from which the landmarks are looked for.
     pub(super) camera_from_world: Se3,
     /// Radius, px on level 0.
     pub(super) radius_px: f32,
@@ -178,8 +178,8 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The landmarks that are found, each in one feature and each feature with one landmark, in the order of features; and how
-    /// many are in the image.
+    /// One-to-one matches of landmarks and features, in the order of features; and the number of landmarks in the
+    /// image.
     pub(super) fn landmarks(&self, landmarks: &[LandmarkId]) -> (Vec<Sighting>, u32) {
         let data = &self.keyframe.data;
         let mut by_feature: Vec<Option<Sighting>> = vec![None; data.len()];

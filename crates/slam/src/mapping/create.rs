@@ -1,5 +1,5 @@
-//! New landmarks: from depth, and by triangulation between covisible keyframes. What may become one follows ORB-SLAM2 (Mur-Artal,
-//! Tardos 2017), but that depth makes landmarks however far it is.
+//! Creates landmarks from depth and by triangulation between covisible keyframes. Criteria follow ORB-SLAM2 (Mur-Artal,
+//! Tardos 2017), but depth is used at any distance.
 
 use super::Mapper;
 use crate::association::{STRICT_DISTANCE, measurement};
@@ -8,14 +8,14 @@ use stillpoint_estimation::{Intrinsics, triangulate_midpoint};
 use stillpoint_geometry::{Mat3, Se3, Vec3, robust, so3};
 use stillpoint_map::{Keyframe, KeyframeId, NewLandmark};
 
-/// Two rays must differ by at least this angle to fix a point: cos(1.15 deg), as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Minimum parallax of triangulated points: cos(1.15 deg), as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MAX_PARALLAX_COSINE: f64 = 0.9998;
-/// Baseline over median depth below which triangulation is not tried, a share, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Minimum ratio of baseline to median depth for triangulation, a share, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MIN_BASELINE_SHARE: f64 = 0.01;
 
 impl Mapper {
-    /// Makes landmarks from the depths of the keyframe's unmatched features, nearest first: what is far is weighed by
-    /// its noise, and not left out.
+    /// Creates landmarks from unmatched features with depth, nearest first. Distant ones are included and weighted by
+    /// their noise.
     pub(super) fn create_from_depth(&mut self, id: KeyframeId) -> u32 {
         let _span = tracing::info_span!("create").entered();
         let Some(keyframe) = self.map.view().keyframe(id).map(Arc::clone) else {
@@ -67,7 +67,7 @@ impl Mapper {
                     self.young.push(landmark);
                     created += 1;
                 } else {
-                    // Without depth, a point that a single keyframe sees is fixed by nothing.
+                    // Without depth, a single observation does not determine a point.
                     self.map.cull_landmark(landmark);
                 }
             }
@@ -76,15 +76,15 @@ impl Mapper {
     }
 }
 
-/// New points seen by unmatched features of both keyframes: `(feature in a, feature in b, world position)`.
+/// Points seen by unmatched features of both keyframes: `(feature in a, feature in b, world position)`.
 fn triangulate_pair(a: &Keyframe, b: &Keyframe, scale_factor: f64) -> Vec<(u32, u32, Vec3)> {
     let baseline = (a.centre() - b.centre()).norm();
-    // Where no depth is known, a room's scale will do.
+    // Assumes a depth of 1 m if unknown.
     if baseline < MIN_BASELINE_SHARE * b.data.median_depth(&mut Vec::new()).unwrap_or(1.0) {
         return Vec::new();
     }
     let b_from_a = b.world_from_camera.inverse() * a.world_from_camera;
-    // Without depth, the second keyframe sees the point anywhere on a line.
+    // Without depth, only the epipolar line constrains the match.
     let essential: Mat3 = so3::hat(&b_from_a.translation) * b_from_a.rotation_matrix();
     let free = |k: &Keyframe| -> Vec<usize> {
         (0..k.data.len())
@@ -115,7 +115,7 @@ fn triangulate_pair(a: &Keyframe, b: &Keyframe, scale_factor: f64) -> Vec<(u32, 
                 best = Some((distance, jb));
             }
         }
-        // One feature of B for one of A, and the other way round: else the same point would be made twice.
+        // Mutual best matches, so that no point is created twice.
         if let Some((distance, jb)) = best
             && best_of_b[jb].is_none_or(|x| distance < x.0)
         {
@@ -133,7 +133,7 @@ fn triangulate_pair(a: &Keyframe, b: &Keyframe, scale_factor: f64) -> Vec<(u32, 
         .collect()
 }
 
-/// The point of one match, when the rays fix it, it agrees with both pixels, and its size agrees with both levels.
+/// Triangulates one match if the parallax suffices, the residuals pass their gates and the levels fit the distances.
 fn triangulate_match(
     a: &Keyframe,
     i: usize,
@@ -156,7 +156,8 @@ fn triangulate_match(
             return None;
         }
     }
-    // The nearer keyframe sees a patch larger, on a coarser level; levels and distances that contradict each other are a wrong match.
+    // The nearer keyframe sees a patch larger, on a coarser level; a contradiction between levels and distances is a
+    // wrong match.
     let size = |k: &Keyframe, f: usize| {
         (t.point - k.centre()).norm()
             * libm::pow(scale_factor, f64::from(k.data.keypoints[f].level))

@@ -1,5 +1,5 @@
-//! What the map does without: landmarks that did not prove themselves, keyframes that add nothing. Both rules are those of
-//! ORB-SLAM2 (Mur-Artal, Tardos 2017); that landmarks leave because they move, and the limit on keyframes, are not.
+//! Culling of landmarks and keyframes. Rules follow ORB-SLAM2 (Mur-Artal, Tardos 2017), except for moving landmarks and
+//! the limit on keyframes.
 
 use super::Mapper;
 use crate::messages::LandmarkStatistic;
@@ -7,29 +7,32 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use stillpoint_map::KeyframeId;
 
-/// Log odds that one frame of 30 Hz adds to a landmark's being static when it was found where it should be: 9 per second. Chosen: a third of `GONE`,
-/// since things that moved and stopped are found as well.
+/// Log odds of a landmark being static, added per frame of 30 Hz in which it was found: 9 per second. Chosen: a third
+/// of `GONE`, since objects that moved and stopped are found as well.
 const FOUND: f32 = 0.3;
-/// Log odds that one frame of 30 Hz takes when the camera saw through its place: 30 per second. The place is known to some pixels, and thin things
-/// have holes in depth: no single frame is proof. Chosen: three frames make odds of 1 in 20 (`MIN_ODDS`).
+/// Log odds subtracted per frame of 30 Hz in which the camera saw through its place: 30 per second. Its position is
+/// known to some pixels, and thin objects have holes in depth: no single frame is proof. Chosen: three frames make odds
+/// of 1 in 20 (`MIN_ODDS`).
 const GONE: f32 = 1.0;
-/// Bound of the log odds: years of evidence must be overturned within a third of a second, and nine frames of `GONE` lead from here to `MIN_ODDS`.
+/// Upper bound of the log odds: years of evidence must be overturned within a third of a second, and nine frames of
+/// `GONE` lead from here to `MIN_ODDS`.
 const MAX_ODDS: f32 = 6.0;
-/// A landmark less likely to be static than this leaves the map, log odds: 1 in 20, the usual 5 %, chosen.
+/// Log odds of being static below which a landmark is culled: 1 in 20, the usual 5 %, chosen.
 const MIN_ODDS: f32 = -3.0;
 
-/// A landmark that is found in less than this share of the frames that should see it is culled, as in ORB-SLAM (Mur-Artal, Montiel, Tardos, T-RO
-/// 2015).
+/// Minimum share of frames with a landmark in view in which it must be found, as in ORB-SLAM (Mur-Artal, Montiel,
+/// Tardos, T-RO 2015).
 const MIN_FOUND_SHARE: f64 = 0.25;
 
-/// Keyframes beyond the allowed number that go with one new keyframe, at most: a loaded map may have hundreds too many, and no frame is to wait for
-/// that. Chosen: hundreds are gone after some ten keyframes.
+/// Maximum number of surplus keyframes culled per new keyframe: a loaded map may have hundreds too many, and no frame
+/// should wait for that. Chosen: hundreds are gone after some ten keyframes.
 const MAX_SURPLUS: usize = 20;
 
-/// A keyframe that may go when there are too many; the most redundant is the greatest, of equals the oldest.
+/// A candidate for culling when there are too many keyframes, ordered by redundancy; the oldest is the greatest of
+/// equals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Surplus {
-    /// Of what it sees, how much three others see as well; 0 to 1.
+    /// Share of its landmarks seen by three others, 0 to 1.
     share: f64,
     keyframe: KeyframeId,
 }
@@ -49,14 +52,14 @@ impl PartialOrd for Surplus {
     }
 }
 
-/// Bayes' rule in log odds for what was seen of a landmark since the last keyframe.
+/// Bayes update in log odds with the observations of a landmark since the last keyframe.
 pub(super) fn static_odds(before: f32, seen: &LandmarkStatistic) -> f32 {
     let after = before + FOUND * seen.found_worth - GONE * seen.gone_worth;
     after.clamp(2.0 * MIN_ODDS, MAX_ODDS)
 }
 
 impl Mapper {
-    /// Takes out landmarks that have stopped being static.
+    /// Culls landmarks that are no longer static.
     pub(super) fn cull_moved(&mut self, seen: &[LandmarkStatistic]) -> u32 {
         let mut culled = 0;
         for s in seen.iter().filter(|s| s.gone > 0) {
@@ -72,11 +75,11 @@ impl Mapper {
         culled
     }
 
-    /// Culls young landmarks that are rarely found, or that no second keyframe confirmed in time. Landmarks older than
-    /// three keyframes have proved themselves.
+    /// Culls young landmarks that are rarely found or not confirmed by other keyframes in time. Landmarks older than
+    /// three keyframes are kept.
     pub(super) fn cull_landmarks(&mut self, now: KeyframeId) -> u32 {
         let _span = tracing::info_span!("cull").entered();
-        // In keyframes, as ids are those of frames, with gaps between them.
+        // Counted in keyframes: ids are frame numbers, with gaps.
         let age_of = |created: KeyframeId| {
             self.order.partition_point(|k| *k <= now)
                 - self.order.partition_point(|k| *k <= created)
@@ -88,7 +91,7 @@ impl Mapper {
                 return false;
             };
             let age = age_of(l.created_at);
-            // A point with depth is fixed by one look, others by two: each needs one more as confirmation.
+            // A point is determined by one observation with depth or two without; one more is required as confirmation.
             let needed = if l.depth_observers > 0 { 2 } else { 3 };
             let rare = f64::from(l.found) < MIN_FOUND_SHARE * f64::from(l.visible);
             if rare || (age >= 2 && l.observers < needed) {
@@ -103,11 +106,12 @@ impl Mapper {
         doomed.len() as u32
     }
 
-    /// Culls covisible keyframes whose close landmarks are nearly all seen by three others at the same or a finer scale.
+    /// Culls covisible keyframes whose close landmarks are nearly all seen by three others at the same or a finer
+    /// scale.
     pub(super) fn cull_keyframes(&mut self, id: KeyframeId) -> u32 {
         let _span = tracing::info_span!("cull").entered();
         let mut culled = 0;
-        // The first keyframe holds the map's frame of reference in place.
+        // The first keyframe fixes the map's reference frame.
         let first = self.order.first().copied();
         for other in self.neighbours(id, usize::MAX) {
             if Some(other) == first || !self.is_redundant(other) {
@@ -120,8 +124,8 @@ impl Mapper {
         culled
     }
 
-    /// Culls the most redundant keyframes until there are no more than allowed, some at a time. Those around the newest one are in
-    /// use, and the first one holds the map in place: they stay.
+    /// Culls some of the most redundant keyframes while there are more than allowed. Keeps the first one, which fixes
+    /// the reference frame, and those around the newest.
     pub(super) fn cull_surplus(&mut self, now: KeyframeId) -> u32 {
         let count = self.map.view().keyframe_count();
         let most = self.config.max_keyframes;
@@ -141,7 +145,7 @@ impl Mapper {
         let mut culled = 0;
         while culled < wanted {
             let Some(best) = ranked.pop() else { break };
-            // Others that saw the same may have gone since: what was redundant among many is not among few.
+            // Recomputed, as culling others reduces redundancy.
             let again = self.surplus(best.keyframe);
             if again < best && ranked.peek().is_some_and(|next| again < *next) {
                 ranked.push(again);
@@ -152,14 +156,14 @@ impl Mapper {
         culled
     }
 
-    /// How redundant a keyframe is: by its close landmarks, or by all where none is close.
+    /// Redundancy of a keyframe, by its close landmarks, or by all if none is close.
     fn surplus(&self, keyframe: KeyframeId) -> Surplus {
         let (mut redundant, mut total) = self.redundancy(keyframe, self.close_depth);
         if total == 0 {
             (redundant, total) = self.redundancy(keyframe, f64::INFINITY);
         }
         Surplus {
-            // One that sees nothing is missed by none.
+            // A keyframe without landmarks is fully redundant.
             share: f64::from(redundant + 1) / f64::from(total + 1),
             keyframe,
         }
@@ -170,8 +174,8 @@ impl Mapper {
         total > 0 && f64::from(redundant) > self.config.redundant_share * f64::from(total)
     }
 
-    /// Of a keyframe's landmarks that are closer than `far` (m), how many three others see as finely, and how many there are.
-    /// Those without depth are not close, but count when `far` is infinite.
+    /// Of a keyframe's landmarks closer than `far` (m), the number that three others see at the same or a finer scale,
+    /// and the total. Those without depth count only if `far` is infinite.
     fn redundancy(&self, id: KeyframeId, far: f64) -> (u32, u32) {
         let view = self.map.view();
         let Some(k) = view.keyframe(id) else {
@@ -216,7 +220,7 @@ mod tests {
     use stillpoint_geometry::{Camera, Se3};
     use stillpoint_map::{KeyframeData, LandmarkId, NewLandmark};
 
-    /// Features of each keyframe, each of which sees a landmark.
+    /// Features of each keyframe, each matched to a landmark.
     const FEATURES: usize = 20;
 
     fn data(depth: f32) -> Arc<KeyframeData> {
@@ -247,7 +251,8 @@ mod tests {
         })
     }
 
-    /// A mapper that was at some places one after another, each with so many keyframes, which all see the same, so far away.
+    /// A mapper that visited places one after another, each with this number of keyframes, which all see the same
+    /// landmarks at this depth.
     fn mapper(places: &[(u32, f32)], max_keyframes: usize) -> Mapper {
         let mut config = Config::default();
         config.mapping.max_keyframes = max_keyframes;
@@ -285,7 +290,8 @@ mod tests {
         mapper
     }
 
-    /// What another keyframe of the first place tells of the landmarks. Of the first so much is known that it was found and that it had gone.
+    /// Adds a keyframe that found the first landmark in `found` frames and saw through it in `gone`; returns its log
+    /// odds.
     fn tell(mapper: &mut Mapper, found: u32, gone: u32) -> Option<f32> {
         let last = *mapper.order.last().unwrap();
         let id = LandmarkId::new(0);
@@ -319,7 +325,7 @@ mod tests {
         assert!(expected(1.5)(tell(&mut mapper, 5, 0)));
         assert!(expected(0.5)(tell(&mut mapper, 0, 1)));
         assert!(expected(MAX_ODDS)(tell(&mut mapper, 1000, 0)));
-        // A thing that was seen for long takes nine frames to be believed gone.
+        // A landmark at the upper bound takes nine frames to be culled.
         assert!(expected(-2.5)(tell(&mut mapper, 5, 10)));
         assert_eq!(tell(&mut mapper, 0, 1), None);
         let stays = |i: usize| {
@@ -340,7 +346,7 @@ mod tests {
     /// All keyframes of the first place look as redundant as those of the second, until the first of them are gone.
     #[test]
     fn no_place_goes_as_a_whole_while_another_has_plenty() {
-        // The last place is where the camera is. What the third shows is too far to be close.
+        // The camera is at the last place. Landmarks of the third are too far to be close.
         let mut mapper = mapper(&[(30, 1.0), (30, 1.0), (30, 1e3), (1, 1.0)], 20);
         let now = KeyframeId(90);
         let mut steps = 0;
@@ -357,7 +363,6 @@ mod tests {
             let left = live(&mapper, place.clone());
             assert!(left >= 3, "{left} keyframes are left of {place:?}");
         }
-        // What holds the map, and where the camera is.
         assert_eq!((live(&mapper, 0..1), live(&mapper, 90..91)), (1, 1));
     }
 

@@ -1,5 +1,5 @@
-//! Duplicates: landmarks of one keyframe searched in another, both ways; whose keyframes, and how far, as in ORB-SLAM2 (Mur-Artal,
-//! Tardos 2017).
+//! Fuses duplicate landmarks by searching landmarks of one keyframe in another, both ways; neighbourhood and search
+//! radius as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 
 use super::{MIN_SHARED, Mapper};
 use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, window_of};
@@ -8,12 +8,12 @@ use stillpoint_estimation::Intrinsics;
 use stillpoint_features::best_two;
 use stillpoint_map::{KeyframeId, LandmarkId};
 
-/// Radius of the search, px on level 0, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Search radius, px on level 0, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const RADIUS_PX: f32 = 3.0;
 
 impl Mapper {
-    /// Searches the keyframe's landmarks in its neighbours and their neighbours, and theirs in it. Where a landmark meets
-    /// another, the one with fewer observers becomes the other; where it meets a free feature, it gains an observation.
+    /// Searches the keyframe's landmarks in its first and second neighbours, and theirs in it. A match with another
+    /// landmark merges the one with fewer observers into the other; a match with a free feature adds an observation.
     pub(super) fn fuse(&mut self, id: KeyframeId) -> u32 {
         let _span = tracing::info_span!("fuse").entered();
         let mut targets = self.neighbours(id, self.effort.neighbours as usize);
@@ -29,7 +29,7 @@ impl Mapper {
         for target in &targets {
             fused += self.fuse_into(*target, &own);
         }
-        // Asked for only now, as the first direction may have merged some of them away.
+        // Collected after the first direction, which may have merged some of them.
         let theirs = landmarks_of(self.map.view(), &targets);
         fused += self.fuse_into(id, &theirs);
         // Once at the end, since a landmark may have gained several observations.
@@ -51,7 +51,7 @@ impl Mapper {
         );
         let data = &keyframe.data;
         let intrinsics = Intrinsics::from(&data.camera);
-        // A table by id, since to search the keyframe's matches for each landmark would be quadratic.
+        // A lookup set, since searching the matches for each landmark would be quadratic.
         self.seen.clear();
         for id in keyframe.matches.iter().flatten() {
             self.seen.insert(*id);
@@ -83,7 +83,7 @@ impl Mapper {
         fused
     }
 
-    /// Ties a landmark to a feature: by merging with the landmark that the feature observes, else by observing.
+    /// Assigns a landmark to a feature, merging it with the feature's landmark if there is one.
     fn join(&mut self, id: LandmarkId, keyframe: KeyframeId, feature: u32) -> bool {
         let view = self.map.view();
         let occupant = view

@@ -1,6 +1,6 @@
-//! Mapping: builds keyframes into the map and keeps it lean and consistent.
+//! Mapping: inserts keyframes into the map, and keeps it small and consistent.
 //!
-//! Owns the map. Reads messages, answers with views; does not track.
+//! Owns the map. Takes messages and replies with views.
 
 mod create;
 mod cull;
@@ -20,29 +20,30 @@ use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Correction, Keyframe, KeyframeId, LandmarkId, Map, MapView};
 
-/// Keyframes share at least this many landmarks to count as covisible, a number, as in ORB-SLAM (Mur-Artal, Montiel, Tardos, T-RO 2015).
+/// Minimum number of shared landmarks of covisible keyframes, as in ORB-SLAM (Mur-Artal, Montiel, Tardos, T-RO 2015).
 const MIN_SHARED: u32 = 15;
 
-/// How the map is built.
+/// Settings of mapping.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MappingConfig {
     /// Neighbours with which a keyframe triangulates and fuses. Range: 0 to 100.
     pub neighbours: usize,
-    /// Free keyframes of local bundle adjustment, at most; half as many again hold it in place. Range: 1 to 100. Effort grows with
-    /// its square.
+    /// Maximum number of free keyframes in local bundle adjustment; half as many again are fixed. Range: 1 to 100.
+    /// Effort grows with its square.
     pub window: usize,
-    /// A keyframe is redundant when this share of its landmarks is seen by three others as finely. Range: 0.5 to 1.
+    /// A keyframe is redundant if three others see this share of its landmarks at the same or a finer scale. Range: 0.5
+    /// to 1.
     pub redundant_share: f64,
-    /// Keyframes in the map, at most: beyond that the most redundant go, whatever they add. Range: 0 (no limit), or 50 to 100000.
-    /// Bounds memory and the time of loop closing in a long run.
+    /// Maximum number of keyframes in the map; beyond it the most redundant are culled. Range: 0 (no limit), or 50
+    /// to 100000. Bounds memory and the time of loop closing in a long run.
     pub max_keyframes: usize,
 }
 
 impl Default for MappingConfig {
     fn default() -> Self {
-        // Those of ORB-SLAM2 for RGB-D cameras (Mur-Artal, Tardos 2017), but for the windows of bundle adjustment and the limit on
-        // keyframes, which it does not have.
+        // As in ORB-SLAM2 for RGB-D cameras (Mur-Artal, Tardos 2017), except for the window of bundle adjustment and
+        // the limit on keyframes, which it does not have.
         Self {
             neighbours: 10,
             window: 20,
@@ -53,7 +54,7 @@ impl Default for MappingConfig {
 }
 
 impl MappingConfig {
-    /// The work per keyframe that is configured.
+    /// The configured work per keyframe.
     #[must_use]
     pub fn effort(&self) -> MappingEffort {
         MappingEffort {
@@ -72,48 +73,46 @@ impl MappingConfig {
     }
 }
 
-/// What of the configuration concerns the mapper: made from a [`Config`](crate::Config).
+/// Settings of the mapper, made from a [`Config`](crate::Config).
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapperSetup {
-    /// How the map is built.
+    /// Settings of mapping.
     pub mapping: MappingConfig,
-    /// Landmarks that a keyframe shares with others, at least, for its pose to be refined: as many as make a pose in tracking.
+    /// Minimum number of landmarks shared with other keyframes to refine a pose; the number tracking needs for a pose.
     pub min_held: usize,
-    /// Points nearer than this make landmarks from their depth alone, m.
+    /// Points nearer than this become landmarks from depth alone, m.
     pub close_depth: f64,
-    /// Levels of the features' pyramid.
+    /// Pyramid levels.
     pub levels: usize,
-    /// Factor between two of them.
+    /// Scale factor between levels.
     pub scale_factor: f32,
 }
 
-/// How much work goes into a keyframe.
+/// Work per keyframe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MappingEffort {
-    /// Neighbours with which it triangulates and fuses, at most.
+    /// Maximum number of neighbours to triangulate and fuse with.
     pub neighbours: u32,
-    /// Free keyframes of its local bundle adjustment, at most; half as many again are fixed.
+    /// Maximum number of free keyframes in local bundle adjustment; half as many again are fixed.
     pub window: u32,
 }
 
 /// Builds the map.
 pub struct Mapper {
     config: MappingConfig,
-    /// Landmarks that a keyframe shares with others, at least, for its pose to be refined.
+    /// Minimum number of landmarks shared with other keyframes to refine a pose.
     min_held: usize,
-    /// Work per keyframe as of now; at most what is configured.
+    /// Current work per keyframe, at most the configured one.
     effort: MappingEffort,
-    /// Points nearer than this make landmarks from their depth alone, m.
+    /// Points nearer than this become landmarks from depth alone, m.
     close_depth: f64,
     scale_factor: f64,
     map: Map,
-    /// Landmarks made at recent keyframes that have not proved themselves yet.
+    /// Landmarks of recent keyframes that are not confirmed yet.
     young: Vec<LandmarkId>,
-    /// Keyframes in the order in which they came.
     order: Vec<KeyframeId>,
-    /// What those of this run were measured with.
+    /// Exposure assumed for each keyframe of this run.
     exposures: BTreeMap<KeyframeId, Exposure>,
-    /// Landmarks that a keyframe sees, where another's are searched in it.
     seen: LandmarkSet,
 }
 
@@ -136,7 +135,7 @@ impl Mapper {
         }
     }
 
-    /// The mapper with a map that is there already.
+    /// Starts from an existing map.
     #[must_use]
     pub fn with_map(mut self, map: Map) -> Self {
         self.order = map.view().keyframes().map(|k| k.id).collect();
@@ -144,7 +143,7 @@ impl Mapper {
         self
     }
 
-    /// From now on so much work goes into a keyframe: what is configured at most, and one keyframe of adjustment at least.
+    /// Sets the work per keyframe, limited to the configured one, with at least one free keyframe.
     pub fn set_effort(&mut self, effort: MappingEffort) {
         self.effort = MappingEffort {
             neighbours: effort.neighbours.min(self.config.neighbours as u32),
@@ -152,7 +151,8 @@ impl Mapper {
         };
     }
 
-    /// Fixed keyframes of local bundle adjustment, at most: half as many again as free ones. They cost little, and hold the window.
+    /// Maximum number of fixed keyframes in local bundle adjustment: half as many again as free ones. They are cheap
+    /// and stabilise the window.
     fn fixed_window(&self) -> usize {
         (3 * self.effort.window as usize).div_ceil(2)
     }
@@ -163,18 +163,17 @@ impl Mapper {
         &self.map
     }
 
-    /// The map, when mapping is over.
+    /// The map at the end of mapping.
     #[must_use]
     pub fn into_map(self) -> Map {
         self.map
     }
 
-    /// Publishes the map as it is.
     pub(crate) fn publish(&mut self) -> Arc<MapView> {
         self.map.publish()
     }
 
-    /// Takes a message and answers with the new version of the map.
+    /// Processes a message and replies with the new version of the map.
     pub fn step(&mut self, message: MapperMsg) -> MapperOut {
         match message {
             MapperMsg::Keyframe(keyframe) => self.take_keyframe(&keyframe),
@@ -218,7 +217,7 @@ impl Mapper {
         MapperOut { view, report }
     }
 
-    /// Takes out the landmarks that features of a keyframe made, and the observations that they added to others.
+    /// Removes landmarks created by features of a keyframe, and their observations of other landmarks.
     fn rejudge(&mut self, id: KeyframeId, features: &[u32]) -> MapperOut {
         let landmarks = self.map.disown(id, features);
         let view = self.map.publish();
@@ -230,7 +229,7 @@ impl Mapper {
         MapperOut { view, report }
     }
 
-    /// Takes back the keyframes from one to another. The oldest after them holds the map in place from now on.
+    /// Removes the keyframes with ids from `first` to `last`. The oldest later one becomes the reference of the map.
     fn revoke(&mut self, first: KeyframeId, last: KeyframeId) -> MapperOut {
         let view = self.map.view();
         let submap = view.submap_of(first);
@@ -259,7 +258,7 @@ impl Mapper {
         MapperOut { view, report }
     }
 
-    /// Brings a correction of an older version into the map as it is now.
+    /// Applies a correction computed from an older version.
     fn correct(&mut self, correction: &Correction) -> MapperOut {
         let _span = tracing::info_span!("apply").entered();
         let before = self.map.view().clone();
@@ -283,7 +282,7 @@ impl Mapper {
         MapperOut { view, report }
     }
 
-    /// Adds the keyframe with its observations; its pose follows its reference keyframe, whatever became of it since.
+    /// Inserts the keyframe with its observations, at its pose relative to the current pose of its reference keyframe.
     fn insert(&mut self, keyframe: &NewKeyframe) {
         let _span = tracing::info_span!("insert").entered();
         for s in &keyframe.statistics {
@@ -320,7 +319,7 @@ impl Mapper {
         self.map.refresh_covisibility(keyframe.id, MIN_SHARED);
     }
 
-    /// The keyframes that share most landmarks with `id`, at most `count`.
+    /// The `count` keyframes that share most landmarks with `id`.
     fn neighbours(&self, id: KeyframeId, count: usize) -> Vec<KeyframeId> {
         let Some(k) = self.map.view().keyframe(id) else {
             return Vec::new();

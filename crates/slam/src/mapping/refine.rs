@@ -1,5 +1,5 @@
-//! Local bundle adjustment: a keyframe, the ones that see the same, and what they see; others that see it too are fixed, as in
-//! ORB-SLAM2 (Mur-Artal, Tardos 2017).
+//! Local bundle adjustment of a keyframe, its covisible keyframes and their landmarks; other keyframes that see these
+//! are fixed, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 
 use super::Mapper;
 use crate::association::{landmarks_of, measurement_in};
@@ -10,7 +10,6 @@ use stillpoint_estimation::{
 };
 use stillpoint_map::{KeyframeId, LandmarkId};
 
-/// Who takes part in a local bundle adjustment.
 struct Window {
     /// Free keyframes first, then fixed ones.
     keyframes: Vec<KeyframeId>,
@@ -19,7 +18,8 @@ struct Window {
 }
 
 impl Mapper {
-    /// Refines the poses of the keyframe and its neighbours together with the landmarks that at least two keyframes see.
+    /// Optimises the poses of the keyframe and its neighbours together with the landmarks seen by at least two
+    /// keyframes.
     pub(super) fn refine(&mut self, id: KeyframeId) -> BundleCounts {
         let _span = tracing::info_span!("refine").entered();
         let window = self.choose_window(id);
@@ -45,7 +45,7 @@ impl Mapper {
         {
             debug_assert_eq!(window.landmarks[o.point as usize], *landmark);
             if *is_outlier {
-                // What contradicts the refined map was a wrong match and would pull at it again next time.
+                // Removed so that the mismatch does not pull at the map again.
                 self.map.remove_observation(*landmark, *keyframe);
                 outliers += 1;
             }
@@ -60,9 +60,9 @@ impl Mapper {
         }
     }
 
-    /// Free: the keyframe and the ones that share most with it. Fixed: others that see the same landmarks, always the first keyframe of
-    /// the map, and those that share too few landmarks to be held by them, as after a time among people: a handful of wrong matches
-    /// would carry them off, and tracking knows better where they are.
+    /// Free: the keyframe and its most covisible ones. Fixed: other keyframes that see the same landmarks, the first
+    /// keyframe of the map, and those that share too few landmarks, as after a time among people: a few mismatches
+    /// would displace them, and their tracked pose is better.
     fn choose_window(&self, id: KeyframeId) -> Window {
         let view = self.map.view();
         let first = self.order.first().copied();
@@ -70,7 +70,7 @@ impl Mapper {
         free.extend(self.neighbours(id, self.effort.window.saturating_sub(1) as usize));
         free.retain(|k| Some(*k) != first);
         let mut landmarks = landmarks_of(view, &free);
-        // What one keyframe sees alone just follows its pose.
+        // A landmark seen by a single keyframe adds no constraint.
         landmarks.retain(|l| self.map.observations(*l).len() >= 2);
         let held = |k: &KeyframeId| {
             let matches = view.keyframe(*k).map(|k| k.matches.iter().flatten());
@@ -87,14 +87,14 @@ impl Mapper {
             }
         }
         let mut fixed: Vec<(u32, KeyframeId)> = outside.iter().map(|(k, n)| (*n, *k)).collect();
-        // Those that see most of the landmarks hold them best.
+        // Those that see most of the landmarks first.
         fixed.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
         fixed.truncate(self.fixed_window());
         let mut keyframes = free;
         let free = keyframes.len();
         keyframes.extend(loose);
         keyframes.extend(fixed.iter().map(|f| f.1));
-        // Without a fixed keyframe nothing would hold the window in place: the oldest free one does then.
+        // At least one keyframe must be fixed: the oldest if there is no other.
         let mut free = free;
         if keyframes.len() == free && free > 1 {
             keyframes.sort_unstable_by(|a, b| b.cmp(a));
@@ -107,7 +107,7 @@ impl Mapper {
         }
     }
 
-    /// The arrays of the problem, and who stands behind each observation. All measurements are those of one camera.
+    /// The problem, and the landmark and keyframe of each observation. All measurements are converted to one camera.
     fn gather(&self, window: &Window) -> Option<(BundleProblem, Vec<(LandmarkId, KeyframeId)>)> {
         let view = self.map.view();
         let mut index: BTreeMap<KeyframeId, u32> = BTreeMap::new();
@@ -116,7 +116,7 @@ impl Mapper {
             index.insert(*id, i as u32);
             poses.push(view.keyframe(*id)?.world_from_camera.inverse());
         }
-        // Keyframes of a loaded map may have another calibration: their measurements are converted to this one.
+        // Keyframes of a loaded map may have another calibration.
         let camera = view.keyframe(window.keyframes[0])?.data.camera;
         let mut points = Vec::with_capacity(window.landmarks.len());
         let mut observations = Vec::new();
@@ -164,7 +164,7 @@ mod tests {
         (0..48).map(point).collect()
     }
 
-    /// What a camera sees of the points from `x` m to the right.
+    /// Data of a keyframe `x` m to the right of the origin.
     fn seen(camera: Camera, x: f64) -> KeyframeData {
         let in_camera = |p: &Vec3| Vec3::new(p.x - x, p.y, p.z);
         let pixels: Vec<[f32; 2]> = points()
@@ -194,8 +194,8 @@ mod tests {
         }
     }
 
-    /// A mapper with keyframes at `x` m to the right, each with its camera, and a landmark for every point, which the keyframes see
-    /// with the features that `observed` says (keyframe, point).
+    /// A mapper with keyframes at `x` m to the right, each with its camera, and a landmark per point. `observed` maps
+    /// (keyframe, point) to the feature.
     fn mapper(places: &[(f64, Camera)], observed: impl Fn(usize, usize) -> Option<u32>) -> Mapper {
         let mut mapper = Mapper::new(&Config::default());
         for (id, (x, camera)) in (0..).zip(places) {
@@ -229,7 +229,7 @@ mod tests {
         mapper
     }
 
-    /// A map that was begun with one calibration and resumed with another is not bent by that.
+    /// A map started with one calibration and continued with another is not distorted.
     #[test]
     fn keyframes_of_two_calibrations_are_refined_in_one_camera() {
         let first = Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5]);
@@ -252,13 +252,13 @@ mod tests {
         }
     }
 
-    /// A keyframe that shares a few landmarks, and these wrongly, stays where tracking saw it. Control: without the limit it is pulled
+    /// A keyframe with a few, wrong landmark matches keeps its tracked pose. Control: without the limit it is pulled
     /// away.
     #[test]
     fn a_handful_of_wrong_matches_does_not_move_a_keyframe() {
         let camera = Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5]);
         let moved = |min_held: usize| {
-            // The third keyframe takes the neighbour to the right for the point, as on a keyboard.
+            // The third keyframe confuses each point with its right neighbour, as in a repetitive texture.
             let mut mapper = mapper(&[0.0, 0.1, 0.2].map(|x| (x, camera)), |k, point| {
                 let wrong = (16..23).contains(&point).then_some(point as u32 + 1);
                 if k == 2 { wrong } else { Some(point as u32) }

@@ -1,8 +1,8 @@
-//! Keyframes are measured again when more is known of the shutter.
+//! Remeasures keyframes when the estimate of the readout time improves.
 //!
-//! The readout is estimated while the camera moves, and the first keyframes of a map are taken before much of it is known: at 100 degrees per second
-//! their outer rows are then 10 px aside of where they belong, and all that comes later is matched to that. So the mapper keeps with which
-//! velocity and which readout each keyframe was measured, and measures it again with the readout of the newest one where that differs.
+//! The first keyframes of a map are taken before the readout time is known: at 100 degrees per second their outer rows
+//! are then displaced by 10 px, and later frames are matched to that. The mapper stores the velocity and readout used
+//! for each keyframe, and corrects its features when the newest readout differs.
 
 use super::Mapper;
 use crate::messages::Exposure;
@@ -11,12 +11,12 @@ use crate::timing::Timing;
 use stillpoint_geometry::{Camera, Vec2, Vec6};
 use stillpoint_map::{KeyframeData, KeyframeId};
 
-/// A keyframe is measured again when that moves its outer rows by this, px. Chosen: half of what a keypoint of the finest level errs by (equation 1
-/// of docs/algorithm.md).
+/// Minimum displacement of the outer rows to remeasure a keyframe, px. Chosen: half of the error of a keypoint of the
+/// finest level (equation 1 of docs/algorithm.md).
 const WORTHWHILE_PX: f64 = 0.5;
 
 impl Mapper {
-    /// Measures all keyframes again that were measured with another readout (s) than the newest, as far as that moves anything. Returns how many.
+    /// Remeasures all keyframes for which the readout `readout` (s) makes a difference; returns their number.
     pub(super) fn measure_again(&mut self, readout: f64) -> u32 {
         let _span = tracing::info_span!("remeasure").entered();
         let view = self.map.view();
@@ -50,7 +50,7 @@ fn shutter(camera: &Camera, readout: f64) -> Shutter<'_> {
     Shutter::new(camera, &timing)
 }
 
-/// What was measured with one readout (s), with another.
+/// Converts features measured with readout `before` (s) to readout `now`.
 fn measured_again(data: &KeyframeData, velocity: &Vec6, before: f64, now: f64) -> KeyframeData {
     let camera = &data.camera;
     let (old, new) = (shutter(camera, before), shutter(camera, now));
@@ -109,7 +109,8 @@ mod tests {
         (0..48).map(point).collect()
     }
 
-    /// What a camera at the origin that moves sees of the points, as a shutter with this readout bends them, measured with another one. Every sixth has no depth.
+    /// Data of a moving camera at the origin with rolling-shutter readout `readout`, measured assuming `measured_with`.
+    /// Every sixth point has no depth.
     fn seen(readout: f64, measured_with: f64) -> KeyframeData {
         let camera = camera();
         let (real, known) = (shutter(&camera, readout), shutter(&camera, measured_with));
@@ -184,13 +185,12 @@ mod tests {
         for (a, b) in again.depths.iter().zip(&known.depths) {
             assert!((a - b).abs() < 1e-3 && (*a > 0.0) == (*b > 0.0));
         }
-        // And back, in steps.
         let half = measured_again(&again, &velocity(), READOUT, 0.5 * READOUT);
         let back = measured_again(&half, &velocity(), 0.5 * READOUT, 0.0);
         assert!(farthest(&back, &before) < 0.05);
     }
 
-    /// Control: where the velocity was not known, nothing can be brought anywhere.
+    /// Control: without a known velocity nothing is corrected.
     #[test]
     fn the_first_keyframe_and_its_landmarks_follow_what_is_learned() {
         let off = |velocity| {

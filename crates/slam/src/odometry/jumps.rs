@@ -1,30 +1,32 @@
-//! Whether samples are those of a base: heavy things do not jump to and fro.
+//! Detects odometry that jumps in ways impossible for a heavy base.
 
 use super::path::Stand;
 use stillpoint_geometry::{Se3, Vec3, so3};
 
 /// Length of the window over which jumps are averaged, samples: chosen, a second of wheels of 50 Hz.
 const WINDOW: f64 = 50.0;
-/// Least number of jumps whose average is meaningful, samples: a base that was set to another place changes its velocity twice, by [`MOST`] at most
-/// each, and the mean stays below 1 then (2 x 8 / 20 = 0.8).
+/// Minimum number of jumps for a meaningful average, samples: resetting the pose changes the velocity twice, by
+/// [`MOST`] at most each, and the mean stays below 1 then (2 x 8 / 20 = 0.8).
 const LEAST: f64 = 20.0;
-/// A single jump counts for at most this much in the average, a factor: a base that was set to another place jumps only once. Chosen with [`LEAST`]:
-/// odometry that jumps to and fro is above it at each sample.
+/// Maximum contribution of a single jump to the average, a factor: a pose reset is a single jump. Chosen with
+/// [`LEAST`]: jittering odometry is above it at each sample.
 const MOST: f64 = 8.0;
-/// Largest acceleration of a base from step to step, m/s^2: about standard gravity, which is as much as wheels with a friction of 1 can transmit.
+/// Largest acceleration of a base between samples, m/s^2: about standard gravity, which is as much as wheels with a
+/// friction of 1 can transmit.
 const ACCELERATION: f64 = 10.0;
-/// Largest angular acceleration of a base from step to step, rad/s^2: that of [`ACCELERATION`] at a wheel a third of a metre from the middle.
+/// Largest angular acceleration of a base between samples, rad/s^2: that of [`ACCELERATION`] at a wheel a third of a
+/// metre from the middle.
 const TURNING: f64 = 30.0;
-/// Largest error of encoders in the difference of two steps, m: chosen, as some odometry is rounded to centimetres.
+/// Largest quantisation error of a difference of translations, m: chosen, as some odometry is rounded to centimetres.
 const STEP_M: f64 = 0.01;
-/// Largest error of encoders in the difference of two turns, rad: chosen, as some odometry is rounded to half a degree.
+/// Largest quantisation error of a difference of rotations, rad: chosen, as some odometry is rounded to half a degree.
 const STEP_RAD: f64 = 0.01;
 
-/// How the velocity changes from step to step, as a share of what a base can do.
+/// Running mean of velocity changes, relative to the limits of a base.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Jumps {
     last: Option<Stand>,
-    /// Velocity of the step before: m/s and rad/s in the axes of the odometry and of the base.
+    /// Velocity of the last step: m/s and rad/s in the axes of the odometry and of the base.
     velocity: Option<[Vec3; 2]>,
     mean: f64,
     count: f64,
@@ -47,7 +49,6 @@ impl Jumps {
         }
     }
 
-    /// Whether it does so all the time.
     pub(super) fn are_wild(&self) -> bool {
         self.count >= LEAST && self.mean > 1.0
     }
@@ -84,9 +85,9 @@ mod tests {
     fn what_a_base_does_is_no_jump() {
         for rate in [10.0, 30.0, 200.0] {
             assert!(!after(rate, |t| at(0.5 * libm::sin(3.0 * t))).are_wild());
-            // Centimetres are as much as some encoders tell.
+            // Some encoders have a resolution of centimetres.
             assert!(!after(rate, |t| at(0.005 * libm::round(100.0 * t))).are_wild());
-            // It was set to another place.
+            // A pose reset.
             assert!(!after(rate, |t| at(if t > 1.0 { 20.0 } else { t })).are_wild());
             let to_and_fro = |t: f64| at(0.5 * libm::round(t * rate % 2.0));
             assert!(after(rate, to_and_fro).are_wild());

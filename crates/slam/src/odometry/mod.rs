@@ -1,7 +1,7 @@
-//! Odometry of the base that carries the camera: how the camera moved between two moments by its wheels, and whether they can be believed.
+//! Wheel odometry: motion of the camera between two times, with its uncertainty.
 //!
-//! Answers: the camera's motion by the wheels, with what it may be wrong by. Keeps the samples of the last seconds, and notices odometry that is stuck, noisy or of a base on which the camera
-//! stands otherwise, and wheels that slip. Does not know images; what the motion is used for is the tracker's business. (docs/algorithm.md, wheel odometry.)
+//! Keeps the samples of the last seconds, and detects odometry that is stuck, noisy or badly calibrated, and slipping
+//! wheels. (docs/algorithm.md, wheel odometry.)
 
 mod jumps;
 mod path;
@@ -17,28 +17,28 @@ use std::collections::VecDeque;
 use stillpoint_geometry::{OdometryModel, Se3, so3};
 use stillpoint_imaging::OdometrySample;
 
-/// Samples are kept for so long, s: as long as a view may be blocked (30 s, `carry::WHEELED_S`), and the first frames of a map are tracked again
-/// after three; the sum, with two to spare.
+/// Duration of kept samples, s: as long as a view may be blocked (30 s, `carry::WHEELED_S`), and the first frames of a
+/// map are tracked again after three; the sum, with two to spare.
 const KEPT_S: f64 = 35.0;
-/// Largest number of samples that are kept: enough for [`KEPT_S`] of a source of 200 Hz, which are 7000, up to the next power of two. The rate is
+/// Maximum number of kept samples: [`KEPT_S`] of a source of 200 Hz are 7000, rounded up to a power of two. The rate is
 /// chosen, above that of usual bases.
 const KEPT: usize = 8192;
-/// What encoders, tyres and floor err by in place however short the way, m: chosen, of the size of an encoder's step and the play of its gear.
+/// Minimum translation error of encoders, tyres and floor, m: chosen, about an encoder's step and the play of its gear.
 const FLOOR_M: f64 = 0.001;
-/// What they err by in direction, rad: chosen, [`FLOOR_M`] at a wheelbase of 1 m.
+/// Minimum rotation error, rad: chosen, [`FLOOR_M`] at a wheelbase of 1 m.
 const FLOOR_RAD: f64 = 0.001;
-/// What the place of a mount that is stated is off by, m: chosen, as a tape measure tells a place inside a housing to a centimetre.
+/// Error of a given mount position, m: chosen, as a tape measure gives a position inside a housing to a centimetre.
 const LEVER_SIGMA: f64 = 0.01;
-/// After wheels were seen to slip they are not listened to for so long, s: as long as a comparison lasts in which slip is noticed (`trust::SPAN_S`);
-/// chosen.
+/// Duration for which odometry is ignored after wheel slip, s: as long as the comparison in which slip is noticed
+/// (`trust::SPAN_S`); chosen.
 const SLIP_S: f64 = 0.5;
-/// A base that moves by less than this between two poses that are compared stands still, m and rad: three times [`FLOOR_M`] and [`FLOOR_RAD`].
+/// Motion between two compared poses below which a base stands still, m and rad: three times [`FLOOR_M`] and
+/// [`FLOOR_RAD`].
 const IDLE: f64 = 0.003;
 
-/// A motion of the camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Motion {
-    /// Maps coordinates of the camera at the earlier moment to those at the later one.
+    /// Maps camera coordinates at the earlier time to those at the later one.
     pub(crate) later_from_earlier: Se3,
     /// Standard deviations about and along each axis: rad and m.
     pub(crate) sigma_rad: f64,
@@ -46,14 +46,13 @@ pub(crate) struct Motion {
 }
 
 impl Motion {
-    /// Whether the wheels stand still: so do those that are stuck.
+    /// Whether the wheels stand still, or are stuck.
     pub(crate) fn is_idle(&self) -> bool {
         let moved = self.later_from_earlier;
         moved.translation.norm() < 1e-4 && moved.rotation.angle() < 1e-4
     }
 }
 
-/// The odometry and what is known of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Odometry {
     model: OdometryModel,
@@ -62,15 +61,14 @@ pub(crate) struct Odometry {
     taken: u64,
     jumps: Jumps,
     trust: Trust<Se3>,
-    /// Comparisons in a row that failed while the wheels stood still.
+    /// Consecutive failed comparisons while the wheels stood still.
     idle: u32,
-    /// When wheels were seen to slip last, by the frames' clock, s.
+    /// Time of the last detected slip, on the frames' clock, s.
     slipped_at: Option<f64>,
     slips: u32,
 }
 
 impl Odometry {
-    /// Of a base that nothing is known of yet.
     pub(crate) fn new(model: OdometryModel) -> Self {
         Self {
             model,
@@ -84,11 +82,11 @@ impl Odometry {
         }
     }
 
-    /// The same for frames whose stamps are mirrored at `pivot`, s.
+    /// The odometry for frames in reverse order, with stamps mirrored at `pivot`, s.
     pub(crate) fn mirrored(&self, pivot: f64) -> Self {
         let mirror = |s: &Stand| Stand {
             stamp: 2.0 * pivot - s.stamp,
-            // Counted from now on what is stated would shrink: the odometry's own figures must do.
+            // Accumulated deviations would shrink in reverse; the model's noise is used instead.
             sigmas: None,
             ..*s
         };
@@ -99,7 +97,7 @@ impl Odometry {
         }
     }
 
-    /// Takes samples, in order of time. What is no pose, or not later than the one before, is left out.
+    /// Takes samples in order of time. Invalid poses and out-of-order samples are dropped.
     pub(crate) fn receive(&mut self, samples: &[OdometrySample]) {
         let offset = self.model.time_offset;
         for sample in samples.iter().filter_map(|s| Stand::of(s, offset)) {
@@ -116,7 +114,7 @@ impl Odometry {
         }
     }
 
-    /// The clock was set: samples from before mean nothing any more.
+    /// Drops all samples after the clock was set.
     pub(crate) fn forget_times(&mut self) {
         self.samples.clear();
         self.slipped_at = None;
@@ -124,7 +122,6 @@ impl Odometry {
         self.trust.interrupt();
     }
 
-    /// What is wrong with it.
     fn fault(&self) -> Option<OdometryFault> {
         if self.jumps.are_wild() {
             return Some(OdometryFault::Noisy);
@@ -135,19 +132,20 @@ impl Odometry {
         })
     }
 
-    /// Whether it has moved as the camera did, and is believed.
+    /// Whether it has agreed with the camera's motion and has no fault.
     pub(crate) fn is_confirmed(&self) -> bool {
         self.trust.is_confirmed() && self.fault().is_none()
     }
 
-    /// How the camera moved between two moments on the frames' clock, s. None where samples are missing or are not believed, and where wheels slipped meanwhile or a moment ago.
+    /// Motion of the camera between two times on the frames' clock, s. `None` if samples are missing or not trusted,
+    /// and during and shortly after wheel slip.
     pub(crate) fn motion(&self, from: f64, to: f64) -> Option<Motion> {
         let after = |at: f64| from >= at && to - at > SLIP_S;
         let held = self.slipped_at.is_none_or(|at| to < at || after(at));
         (held && self.fault().is_none()).then(|| self.measured(from, to))?
     }
 
-    /// The same whether it is believed or not.
+    /// Likewise, regardless of trust.
     fn measured(&self, from: f64, to: f64) -> Option<Motion> {
         let way = path::between(&self.samples, [from, to])?;
         let earlier_from_later = self.model.camera_motion(&way.earlier_from_later);
@@ -159,7 +157,7 @@ impl Odometry {
         })
     }
 
-    /// Standard deviations of the camera's place, m, and direction, rad, after a way.
+    /// Standard deviations of the camera's position, m, and rotation, rad, after a path.
     fn sigmas(&self, way: &Way) -> [f64; 2] {
         let m = &self.model;
         let norm = |parts: &[f64]| parts.iter().map(|p| p * p).sum::<f64>().sqrt();
@@ -181,7 +179,8 @@ impl Odometry {
         [norm(&place), turn]
     }
 
-    /// Learns from a pose at `time` that the map bears out. Where much moves beside it, it `can_refute` nothing.
+    /// Learns from a pose at `time` that the map confirms. Without `can_refute`, because much of the scene moves, it
+    /// cannot count against the odometry.
     pub(crate) fn learn(&mut self, time: f64, world_from_camera: &Se3, can_refute: bool) {
         let seen = Seen {
             time,
@@ -209,19 +208,18 @@ impl Odometry {
         }
     }
 
-    /// Wheels were seen to slip: the map bears another motion out.
+    /// Records wheel slip: the map confirms another motion.
     pub(crate) fn note_slip(&mut self, now: f64) {
         let goes_on = self.slipped_at.is_some_and(|at| now - at <= SLIP_S);
         self.slips += u32::from(!goes_on);
         self.slipped_at = Some(now);
     }
 
-    /// Nothing is known of the camera's pose, or the map does not bear it out.
+    /// Called when the camera's pose is unknown or not confirmed by the map.
     pub(crate) fn interrupt(&mut self) {
         self.trust.interrupt();
     }
 
-    /// What is to be said of it.
     pub(crate) fn report(&self) -> OdometryReport {
         let state = match self.fault() {
             Some(fault) => SensorState::Ignored(fault),

@@ -1,23 +1,22 @@
-//! From samples to a motion of the base.
+//! Interpolates samples to a motion of the base.
 
 use std::collections::VecDeque;
 use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
 use stillpoint_geometry::{Se3, Vec3, Vec6, so3};
 use stillpoint_imaging::OdometrySample;
 
-/// Samples that are farther apart leave open how the base moved between them, s: chosen, two lost samples of a source of 10 Hz, and half a period for
+/// Longest gap between samples that is bridged, s: chosen, two lost samples of a source of 10 Hz, and half a period for
 /// its jitter.
 const LONGEST_GAP: f64 = 0.35;
-/// After the last sample the base is taken to go on as it did for so long, s: chosen, one period of a source of 10 Hz.
+/// Longest extrapolation after the last sample, s: chosen, one period of a source of 10 Hz.
 const LONGEST_HOLD: f64 = 0.1;
-/// Acceleration that the base may have between samples and after the last one, m/s^2: chosen, that of an indoor base which stops from 0.5 m/s within
-/// half a second.
+/// Unknown acceleration between samples and after the last one, m/s^2: chosen, that of an indoor base which stops from
+/// 0.5 m/s within half a second.
 const ACCELERATION: f64 = 1.0;
-/// Angular acceleration that the base may have between samples and after the last one, rad/s^2: chosen, that of a base which stops turning at 1 rad/s
-/// within half a second.
+/// Unknown angular acceleration between samples and after the last one, rad/s^2: chosen, that of a base which stops
+/// turning at 1 rad/s within half a second.
 const TURNING: f64 = 2.0;
 
-/// A sample, on the camera's clock.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stand {
     /// s.
@@ -27,7 +26,7 @@ pub(super) struct Stand {
 }
 
 impl Stand {
-    /// None where it is no pose.
+    /// `None` if it is not a valid pose.
     pub(super) fn of(sample: &OdometrySample, time_offset: f64) -> Option<Self> {
         sample.is_pose().then_some(())?;
         let [x, y, z, w] = sample.orientation;
@@ -40,28 +39,27 @@ impl Stand {
     }
 }
 
-/// How the base moved between two moments.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Way {
-    /// Maps its later coordinates to its earlier ones.
+    /// Maps later coordinates of the base to earlier ones.
     pub(super) earlier_from_later: Se3,
-    /// Length of the way, m, and sum of the turns, rad: to and fro counts twice.
+    /// Length of the path, m, and sum of the rotations, rad; back and forth counts twice.
     pub(super) length: f64,
     pub(super) turned: f64,
-    /// What is not known of both ends: place, m, and direction, rad.
+    /// Interpolation error at both ends: position, m, and rotation, rad.
     pub(super) ends: [f64; 2],
-    /// By how much the deviations that the source states have grown: place, m, and direction, rad.
+    /// Growth of the stated standard deviations: position, m, and rotation, rad.
     pub(super) stated: [f64; 2],
 }
 
-/// Where the base is at a moment, with what is not known of it.
+/// Interpolated pose at a time, with its uncertainty.
 struct At {
     odom_from_base: Se3,
     open: [f64; 2],
     sigmas: Option<[f64; 2]>,
 }
 
-/// How the base moved between two moments, s, by samples in order of time. None where samples are missing.
+/// Motion of the base between two times, s, by samples in order of time. `None` if samples are missing.
 pub(super) fn between(samples: &VecDeque<Stand>, [from, to]: [f64; 2]) -> Option<Way> {
     if to <= from {
         return None;
@@ -89,7 +87,7 @@ pub(super) fn between(samples: &VecDeque<Stand>, [from, to]: [f64; 2]) -> Option
     })
 }
 
-/// Between two samples the base moves on a screw; after the last one as it did before.
+/// Interpolates along a screw motion; extrapolates the last velocity.
 fn at(samples: &VecDeque<Stand>, time: f64) -> Option<At> {
     let next = samples.partition_point(|s| s.stamp < time);
     let before = |k: usize| next.checked_sub(k).and_then(|i| samples.get(i));
@@ -109,7 +107,8 @@ fn at(samples: &VecDeque<Stand>, time: f64) -> Option<At> {
         0.0
     };
     let twist: Vec6 = (a.odom_from_base.inverse() * b.odom_from_base).log();
-    // An acceleration that is not known bends the way by this much in the middle; and beyond the end by that of the hold.
+    // Position error of an unknown acceleration: largest in the middle between samples, and growing with extrapolation
+    // time.
     let left = share.clamp(0.0, 1.0);
     let bend = 0.5 * left * (1.0 - left) * gap * gap + 0.5 * hold * (hold + gap);
     Some(At {
@@ -147,7 +146,7 @@ mod tests {
             prop_assert!((way.turned - w.abs() * span).abs() < 1e-9);
             prop_assert!(way.length <= v.abs() * span + 1e-9 && way.length > 0.95 * v.abs() * span);
             prop_assert!(way.ends[0] < ACCELERATION * 0.05 * 0.05 / 4.0);
-            // Deviations grow from 0.2 from to 0.2 (from + span).
+            // The stated deviations are proportional to time: from 0.2 from to 0.2 (from + span).
             let grown = 0.2 * ((from + span) * (from + span) - from * from).sqrt();
             prop_assert!((way.stated[0] - grown).abs() < 1e-9 && way.stated[1] == 0.0);
         }

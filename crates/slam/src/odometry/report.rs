@@ -1,15 +1,15 @@
-//! What is said of the odometry.
+//! State of the odometry, for reports.
 
 use crate::trust::SensorState;
 
-/// What is wrong with odometry that is not listened to.
+/// Why odometry is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OdometryFault {
-    /// It stands still while the camera moves: it is stuck, or not connected.
+    /// It stands still while the camera moves: stuck, or not connected.
     Stuck,
-    /// It jumps to and fro as no base does.
+    /// It jumps back and forth as no base does.
     Noisy,
-    /// It moves otherwise than the camera: the camera is mounted otherwise than stated, stamps are of another clock, or wheels slip all the time.
+    /// It contradicts the camera's motion: wrong mount, stamps of another clock, or wheels that slip all the time.
     Contradicts,
 }
 
@@ -25,16 +25,16 @@ impl std::fmt::Display for OdometryFault {
     }
 }
 
-/// How far the odometry is believed.
+/// Trust in the odometry.
 pub type OdometryState = SensorState<OdometryFault>;
 
-/// What is known of the odometry at a frame.
+/// State of the odometry at a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OdometryReport {
-    /// Whether it is believed.
+    /// Trust in the odometry.
     pub state: OdometryState,
-    /// Samples that were used so far: in order of time, and of numbers.
+    /// Number of valid samples.
     pub samples: u64,
-    /// How often the wheels were seen to slip.
+    /// Number of detected wheel slips.
     pub slips: u32,
 }

@@ -2,7 +2,7 @@
 use super::*;
 use stillpoint_geometry::Vec3;
 
-/// Where a camera is that goes to and fro on a curve.
+/// Pose of a camera that moves back and forth on a curve.
 fn camera(t: f64) -> Se3 {
     let turn = so3::exp(&Vec3::new(0.0, 0.5 * libm::sin(1.1 * t), 0.0));
     Se3::new(
@@ -26,7 +26,7 @@ fn sample(stamp: f64, odom_from_base: &Se3) -> OdometrySample {
     }
 }
 
-/// What exact wheels say at 50 Hz of a base that `path` says where it is at a time.
+/// Exact odometry at 50 Hz of a base that is at `path(t)` on its trajectory at time t.
 fn samples(path: impl Fn(f64) -> f64, seconds: f64) -> Vec<OdometrySample> {
     let camera_from_base = mounted().base_from_camera.inverse();
     let at = |k: u32| {
@@ -36,7 +36,7 @@ fn samples(path: impl Fn(f64) -> f64, seconds: f64) -> Vec<OdometrySample> {
     (0..=(50.0 * seconds) as u32).map(at).collect()
 }
 
-/// Odometry that is told of the camera, frame by frame.
+/// Odometry that learns from exact camera poses, frame by frame.
 fn after(model: OdometryModel, samples: &[OdometrySample], seconds: f64) -> Odometry {
     let mut odometry = Odometry::new(model);
     let mut given = 0;
@@ -67,7 +67,7 @@ fn a_motion_is_the_camera_s_and_says_what_it_errs_by() {
         assert!(motion.sigma_m > before && motion.sigma_m < 0.1);
         before = motion.sigma_m;
     }
-    // What a source states counts where it is more.
+    // Stated deviations count where they are larger.
     let unsure: Vec<OdometrySample> = samples
         .iter()
         .map(|s| OdometrySample {
@@ -113,7 +113,7 @@ fn odometry_that_is_wrong_is_noticed() {
 fn stuck_wheels_that_run_again_are_believed_again() {
     let mut odometry = after(mounted(), &samples(|t| t.max(3.0), 9.0), 9.0);
     assert_eq!(odometry.report().state, OdometryState::Confirmed);
-    // Wheels that slipped are not asked about that time, nor for a while.
+    // After slip, odometry is ignored for that time and a while after.
     odometry.note_slip(8.0);
     assert!(odometry.motion(7.9, 8.1).is_none() && odometry.motion(8.1, 8.3).is_none());
     assert!(odometry.motion(8.1, 8.6).is_some() && odometry.motion(7.0, 7.5).is_some());

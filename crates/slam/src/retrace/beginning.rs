@@ -1,4 +1,4 @@
-//! The first frames of a map, kept until it is known who moves.
+//! The first frames of a map, kept until it is known which surfaces move.
 
 use crate::messages::Tracked;
 use crate::tracking::{SOME_MOVE, TurningPoint};
@@ -8,35 +8,32 @@ use stillpoint_detection::Detections;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::MapView;
 
-/// If nothing has moved for this time after the start of a map, the scene is taken as static, s: chosen on the recordings of decision 25; starts 80
-/// and 90 of fr1_rpy_walkers are rightly decided by it.
+/// Time without motion after the start of a map from which the scene counts as static, s: chosen on the recordings of
+/// decision 25; starts 80 and 90 of fr1_rpy_walkers are rightly decided by it.
 const QUIET: f64 = 0.8;
-/// Motion can be seen from this time after the start of a map, s: depths are compared with those of 0.2 s before, and three frames of 30 Hz come to
-/// it.
+/// Time after the start of a map from which motion is detectable, s: depths are compared with those of 0.2 s before,
+/// and three frames of 30 Hz come to it.
 const SEEN: f64 = 0.3;
 
-/// Frames are kept up to this, bytes: 174 of 640x480, at five bytes per pixel. Larger or faster cameras go without. Chosen: the three seconds of
-/// `MOST` at 58 Hz.
+/// Maximum memory of kept frames, bytes: 174 of 640x480, at five bytes per pixel. Larger or faster cameras go without.
+/// Chosen: the three seconds of `MOST` at 58 Hz.
 const ROOM: usize = 256 << 20;
 
-/// The frames since a map was begun.
+/// The frames since a map was started.
 pub(super) struct Beginning {
-    /// When it was, s.
     begun: f64,
-    /// The newest frame's stamp, s.
     newest: f64,
-    /// The greatest share of keypoints that moved in a frame.
+    /// Largest share of moving keypoints in a frame.
     moved: f64,
     /// Frames before the turning point, without colour.
     frames: Vec<RgbdFrame>,
-    /// What they take, bytes.
+    /// Their size, bytes.
     taken: usize,
     detections: BTreeMap<FrameId, Detections>,
-    /// From where one goes back, with its image, once it is known who moves.
+    /// The frame from which to track backwards, once it is known which surfaces move.
     turn: Option<(TurningPoint, Arc<RgbdFrame>)>,
 }
 
-/// All that is needed to go back.
 pub(super) struct Kept {
     pub(super) frames: Vec<RgbdFrame>,
     pub(super) detections: BTreeMap<FrameId, Detections>,
@@ -57,7 +54,7 @@ impl Beginning {
         }
     }
 
-    /// Takes a frame. Returns the time since the map was begun, s; none when the clock was set back.
+    /// Adds a frame. Returns the time since the start of the map, s; `None` if the clock was set back.
     pub(super) fn take(&mut self, frame: &RgbdFrame, tracked: &Tracked) -> Option<f64> {
         if frame.stamp <= self.newest {
             return None;
@@ -87,34 +84,31 @@ impl Beginning {
         }
     }
 
-    /// Whether nothing moves, `since` seconds after the beginning.
+    /// Whether the scene counts as static, `since` seconds after the start.
     pub(super) fn is_quiet(&self, since: f64) -> bool {
         self.turn.is_none() && since >= QUIET && self.moved < SOME_MOVE
     }
 
-    /// Whether the frames take more than they may.
     pub(super) fn is_too_large(&self) -> bool {
         self.taken > ROOM
     }
 
-    /// Whether it is known who moves.
     pub(super) fn is_known(&self) -> bool {
         self.turn.is_some()
     }
 
-    /// The frame that was taken last is where one turns back.
+    /// Makes the last frame the turning point.
     pub(super) fn turn_at(&mut self, point: TurningPoint, frame: &Arc<RgbdFrame>) {
         self.frames.pop();
         self.turn = Some((point, Arc::clone(frame)));
     }
 
-    /// Whether a version of the map is of after the turning point.
+    /// Whether a version of the map contains the turning point.
     pub(super) fn is_mapped(&self, view: &MapView) -> bool {
         let turn = self.turn.as_ref();
         turn.is_some_and(|(point, _)| point.keyframe.index() < view.keyframe_bound())
     }
 
-    /// What is needed to go back from the turning point.
     pub(super) fn into_kept(self) -> Option<Kept> {
         let (point, image) = self.turn?;
         Some(Kept {

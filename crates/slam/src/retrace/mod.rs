@@ -1,10 +1,10 @@
-//! Retracing: the first frames of a map are tracked again, backwards, once it is known who moves.
+//! Retracing: tracks the first frames of a map again, backwards, once it is known which surfaces move.
 //!
-//! Answers: while who moves is undecided, and where the camera was then. Who walks past a camera that was just switched on looks like
-//! the room for a moment, and the pose may ride on him. A second later it is known who he is, and there is a map of what was seen since:
-//! from there a second tracker follows the frames of the beginning from the newest to the oldest, in a copy of the map without that
-//! beginning. Where both ways agree, all stays as it was; where they do not, the frames are posed anew and the map's first
-//! keyframes are taken back. Stands above the tracker, whose trajectory it corrects; changes the map by a message alone.
+//! A person walking past a camera that was just switched on looks static at first, and the pose may follow them. About
+//! a second later the static filter knows better, and a map of the static scene exists. From there, a second tracker
+//! follows the first frames from newest to oldest, in a copy of the map without them. If both trajectories agree,
+//! nothing changes; otherwise the frames get the new poses and the map's first keyframes are revoked. Corrects the
+//! tracker's trajectory; changes the map only by a message.
 
 mod beginning;
 mod way_back;
@@ -19,18 +19,20 @@ use stillpoint_detection::Detections;
 use stillpoint_imaging::RgbdFrame;
 use way_back::WayBack;
 
-/// Who moves is known so long after a map was begun, s: what a person does within it is more than noise. Chosen on the recordings of decision 25.
+/// Time after the start of a map at which it is known which surfaces move, s: by then a person's motion exceeds the
+/// noise. Chosen on the recordings of decision 25.
 const KNOWN: f64 = 1.2;
-/// Where the camera is lost until so long after it, the beginning is let go, s: its frames are large. Chosen: at 30 Hz they take half of the memory
-/// that a beginning may take.
+/// If the turning point is not reached by then, because the camera is lost, the first frames are dropped, s: they are
+/// large. Chosen: at 30 Hz they take half of their memory limit.
 const MOST: f64 = 3.0;
-/// From so long after it on there is enough of a map to go back from, s: half as long again as [`KNOWN`], chosen on the recordings of decision 25.
+/// Time from which the map suffices to track backwards, s: half as long again as [`KNOWN`], chosen on the recordings of
+/// decision 25.
 const RETRACED: f64 = 1.8;
-/// Number of frames that are tracked again after each new one: at this rate, the way back ends within a second. The 36 frames of [`KNOWN`] at 30 Hz
-/// take 0.6 s (decision 25).
+/// Number of frames tracked again after each new one: at this rate, retracing ends within a second. The 36 frames of
+/// [`KNOWN`] at 30 Hz take 0.6 s (decision 25).
 const PER_FRAME: usize = 2;
-/// If the time between frames is below this, only one frame is tracked again after each new one, s: there is no time for more. Chosen: a frame of
-/// 1000 features takes 11 ms (`CostTable::REFERENCE`), of which two fit.
+/// Frame interval below which only one frame is tracked again after each new one, s: there is no time for more. Chosen:
+/// a frame of 1000 features takes 11 ms (`CostTable::REFERENCE`), of which two fit.
 const FAST: f64 = 1.0 / 45.0;
 
 /// Tracks the first frames of every map and submap again.
@@ -43,15 +45,13 @@ pub struct Retracer {
     stamps: [f64; 2],
 }
 
-/// How far it is.
 #[derive(Default)]
 enum Stage {
-    /// Nothing is to be done.
     #[default]
     Decided,
-    /// A map was begun.
+    /// Collecting the first frames of a map.
     Begun(Box<Beginning>),
-    /// Its first frames are tracked again.
+    /// Tracking them again.
     Retracing(Box<WayBack>),
 }
 
@@ -67,14 +67,13 @@ impl Retracer {
         }
     }
 
-    /// Takes detections that the tracker takes.
     pub(crate) fn receive(&mut self, detections: &Detections) {
         if let Stage::Begun(beginning) = &mut self.stage {
             beginning.receive(detections);
         }
     }
 
-    /// Takes note of a frame that was tracked. Says in the frame's report whether who moves is undecided.
+    /// Takes a tracked frame; sets in its report whether it is undecided which surfaces move.
     pub(crate) fn follow(
         &mut self,
         tracker: &mut Tracker,
@@ -97,8 +96,8 @@ impl Retracer {
         };
     }
 
-    /// Tracks some of the first frames again when it is time: what can wait until the newest one's pose is out. Answers with what the mapper is
-    /// to take back.
+    /// Tracks some of the first frames again, if due; call after the newest pose is published. Returns the message that
+    /// revokes keyframes, if any.
     pub(crate) fn work(&mut self, tracker: &mut Tracker) -> Option<MapperMsg> {
         if !std::mem::take(&mut self.due) {
             return None;
@@ -123,7 +122,7 @@ impl Retracer {
         message
     }
 
-    /// Whether there are first frames that [`routing::finish`](crate::routing::finish) would track again.
+    /// Whether [`routing::finish`](crate::routing::finish) would track frames again.
     #[must_use]
     pub fn is_on_the_way(&self) -> bool {
         match &self.stage {
@@ -133,7 +132,8 @@ impl Retracer {
         }
     }
 
-    /// The stream is over: goes the way back to its end, with the map that there is. Answers with what the mapper is to take back.
+    /// Completes retracing at the end of the stream with the current map. Returns the message that revokes keyframes,
+    /// if any.
     pub(crate) fn finish(&mut self, tracker: &mut Tracker) -> Option<MapperMsg> {
         self.due = false;
         let mut way = match std::mem::take(&mut self.stage) {
@@ -151,7 +151,6 @@ impl Retracer {
         way.settle(tracker)
     }
 
-    /// Takes a frame of the beginning.
     fn go_on(
         &mut self,
         mut beginning: Box<Beginning>,
@@ -180,13 +179,13 @@ impl Retracer {
             }
             return Stage::Begun(beginning);
         }
-        // The map does not hold the turning point before the mapper has answered.
+        // The map contains the turning point only after the mapper's reply.
         self.due = since >= RETRACED && beginning.is_mapped(&tracker.view());
         Stage::Begun(beginning)
     }
 }
 
-/// How many frames are tracked again after the newest, by the stamps of that one and the one before.
+/// Number of frames to track again, from the stamps of the last two frames.
 fn steps([newest, before]: [f64; 2]) -> usize {
     if newest - before < FAST { 1 } else { PER_FRAME }
 }

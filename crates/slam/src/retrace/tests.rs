@@ -16,7 +16,7 @@ fn frame(id: u32, stamp: f64) -> RgbdFrame {
     }
 }
 
-/// What a tracker says of a black frame.
+/// The tracker's reply for a black frame, with these counts.
 fn tracked(id: u32, keypoints: u32, dynamic: u32) -> Tracked {
     let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
     let mut tracker = Tracker::new(Config::default(), camera, Simd::Scalar);
@@ -34,7 +34,6 @@ fn nothing_that_moves_for_most_of_a_second_decides_that_nothing_does() {
         let mut beginning = Beginning::at(5.0);
         for i in 0..30_u32 {
             let stamp = 5.0 + f64::from(i) / 30.0;
-            // One frame tells, whichever it is.
             let said = if i == 12 { &said } else { &still };
             let since = beginning.take(&frame(i, stamp), said).unwrap();
             assert!((since - f64::from(i) / 30.0).abs() < 1e-9);
@@ -99,7 +98,7 @@ fn the_frames_of_a_beginning_without_an_end_are_let_go() {
         retracer.follow(&mut tracker, &frame, &mut said);
         assert!(retracer.work(&mut tracker).is_none());
         undecided.extend(said.report.undecided);
-        // From the second frame on the camera is lost.
+        // The camera is lost from the second frame on.
         said.report.outcome = Outcome::Lost {
             since: FrameId(1),
             reason: crate::report::LostReason::FewFeatures,

@@ -1,4 +1,4 @@
-//! The way back over the first frames, and what follows from it.
+//! Backward tracking of the first frames, and the comparison with forward tracking.
 
 use super::beginning::{Beginning, Kept};
 use crate::anchored_pose::AnchoredPose;
@@ -15,39 +15,38 @@ use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::Map;
 
-/// The way there and the way back agree on a pose if they differ by no more than this, m: each drifts by as much within a second and a half. Chosen:
-/// beginnings that are right differ by 7 mm at most (decision 25).
+/// Maximum position difference at which forward and backward poses agree, m: each drifts by as much within a second and
+/// a half. Chosen: correct beginnings differ by 7 mm at most (decision 25).
 const AGREE_M: f64 = 0.03;
-/// The way there and the way back agree on a pose if they differ by no more than this angle, rad: 1.5 degrees, chosen as what moves things at 1.2 m
-/// by [`AGREE_M`].
+/// Maximum rotation difference at which they agree, rad: 1.5 degrees, chosen as displacing points at 1.2 m by
+/// [`AGREE_M`].
 const AGREE_RAD: f64 = 0.026;
-/// The way back is rejected if its jerks exceed those of the way there times this factor. When the pose begins or ceases to follow a person who
-/// walks, its velocity changes at once; that of a carried camera does not. The way back knows the camera's momentum, which removes a quarter of its
-/// jerks; the way there does not know the momentum yet. Measured: 0.30 to 0.87 of ways that are taken and 1.4 and 1.5 of ways that rode
-/// (decision 45).
+/// The backward poses are rejected if their jerk exceeds that of the forward poses times this factor. When a pose
+/// begins or ceases to follow a walking person, its velocity jumps; that of a carried camera does not. Backward
+/// tracking has a motion model, which removes a quarter of its jerk; forward tracking has none yet. Measured: 0.30 to
+/// 0.87 of accepted trajectories and 1.4 and 1.5 of those that followed a person (decision 45).
 const MAX_JERKS: f64 = 1.0;
-/// The way back is believed where it poses at least this share of the frames that it speaks about: chosen, as one that loses more than a tenth of
-/// them is thin where the ways differ.
+/// Minimum share of the differing frames with a backward pose: chosen, as a trajectory that loses more than a tenth of
+/// them is poorly supported.
 const MIN_POSED: f64 = 0.9;
 
-/// A tracker on its way back, with a map of its own.
+/// A tracker running backwards, with its own map.
 pub(super) struct WayBack {
     tracker: Tracker,
     mapper: Mapper,
     point: TurningPoint,
-    /// Frames that are still to come, oldest first.
+    /// Remaining frames, oldest first.
     frames: Vec<RgbdFrame>,
     detections: BTreeMap<FrameId, Detections>,
-    /// The frames that were tracked again, with their stamps, s.
+    /// Stamps of the frames tracked again, s.
     stamps: BTreeMap<FrameId, f64>,
-    /// Whether another map was begun on the way: then the way is lost.
+    /// Whether another map was started on the way, which invalidates the result.
     astray: bool,
 }
 
-/// Where frames are seen from the turning point.
+/// Poses of frames relative to the turning point.
 type Way = BTreeMap<FrameId, Seen>;
 
-/// Where one of them is.
 struct Seen {
     point_from_camera: Se3,
     online_world_from_camera: Se3,
@@ -56,7 +55,8 @@ struct Seen {
 }
 
 impl WayBack {
-    /// Begins the way back in a copy of the tracker's map without its beginning. None when there is no way.
+    /// Starts backward tracking in a copy of the tracker's map without its first keyframes. `None` if that is
+    /// impossible.
     pub(super) fn begin(
         beginning: Beginning,
         tracker: &Tracker,
@@ -71,7 +71,7 @@ impl WayBack {
         } = beginning.into_kept()?;
         let keyframe = point.keyframe;
         let submap = view.submap_of(keyframe)?;
-        // What was joined to another map meanwhile was recognised by the frames that are in question.
+        // If the submap was joined to another meanwhile, the first frames were used for that.
         if point.submap != Some(submap) || view.keyframe(keyframe).is_none() {
             return None;
         }
@@ -90,12 +90,11 @@ impl WayBack {
         })
     }
 
-    /// Whether all frames were tracked again.
+    /// Whether all frames were tracked again, or the attempt failed.
     pub(super) fn is_over(&self) -> bool {
         self.frames.is_empty() || self.astray
     }
 
-    /// Tracks the newest frame that is left.
     pub(super) fn step(&mut self) {
         let Some(mut frame) = self.frames.pop().filter(|_| !self.astray) else {
             return;
@@ -122,11 +121,11 @@ impl WayBack {
         }
     }
 
-    /// Compares both ways. If they disagree, the way back replaces the poses of the tracker's trajectory, and the returned message tells the mapper what to
-    /// revoke.
+    /// Compares both trajectories. If they disagree, replaces the poses in the tracker's trajectory and returns the
+    /// message that revokes the keyframes.
     pub(super) fn settle(&self, tracker: &mut Tracker) -> Option<MapperMsg> {
         let view = tracker.view();
-        // A turning point that went to another map meanwhile tells nothing.
+        // The turning point moved to another submap meanwhile.
         if self.astray || self.point.submap != view.submap_of(self.point.keyframe) {
             return None;
         }
@@ -137,7 +136,7 @@ impl WayBack {
             let (a, b) = (there.get(id)?, back.get(id)?);
             Some(differ(&a.point_from_camera, &b.point_from_camera))
         };
-        // From the newest frame on which they do not agree back to the first.
+        // The newest frame on which they disagree; all older ones are replaced.
         let last = *back.keys().rev().find(|id| differs(id) == Some(true))?;
         let posed = there.range(..=last).filter(|(id, _)| back.contains_key(id));
         let enough = posed.count() as f64 >= MIN_POSED * there.range(..=last).count() as f64;
@@ -169,7 +168,7 @@ impl WayBack {
         })
     }
 
-    /// Where the frames from `first` on were, as the tracker says.
+    /// Forward poses of the frames from `first` on.
     fn way_there(&self, tracker: &Tracker, first: FrameId) -> Option<Way> {
         let view = tracker.view();
         let point_from_world = view.world_from_keyframe(self.point.keyframe)?.inverse();
@@ -187,7 +186,7 @@ impl WayBack {
         Some(seen.collect())
     }
 
-    /// By how much the camera's velocity changes from frame to frame on a way over these frames, m per frame.
+    /// Mean velocity change of the camera between frames, m per frame; rotations count at the typical depth.
     fn jerks(&self, way: &Way) -> f64 {
         let stamped = way
             .iter()
@@ -208,7 +207,6 @@ impl WayBack {
         velocities.windows(2).map(jerk).sum::<f64>() / count as f64
     }
 
-    /// Where the frames that were tracked again are, by the map of the way back.
     fn retraced(&self) -> Option<Way> {
         let view = self.tracker.view();
         let point_from_world = view.world_from_keyframe(self.point.keyframe)?.inverse();
@@ -225,19 +223,19 @@ impl WayBack {
         Some(seen.collect())
     }
 
-    /// The id of a frame on the way back, and of a frame of the way back. The turning point has 0, and those before it count on.
+    /// Id of a frame in reverse order; its own inverse. The turning point has 0.
     fn mirrored_id(&self, frame: FrameId) -> FrameId {
         FrameId(self.point.frame.0.saturating_sub(frame.0))
     }
 
-    /// A stamp on the way back, s: the turning point keeps its own.
+    /// Stamp in reverse order, s, mirrored at the turning point.
     fn mirrored_stamp(&self, stamp: f64) -> f64 {
         2.0 * self.point.stamp - stamp
     }
 }
 
-/// Poses by the way back of all frames up to `last` that either way has, oldest first. A frame without a pose on the way back gets its motion to the next
-/// frame that both ways have from the way there.
+/// Backward poses of all frames up to `last` that have a pose in either trajectory, oldest first. A frame without a
+/// backward pose takes its motion relative to the next common frame from the forward poses.
 fn joined<'a>(there: &'a Way, back: &'a Way, last: FrameId) -> Vec<(FrameId, Se3, &'a Seen)> {
     let posed = there.range(..=last).chain(back.range(..=last));
     let frames: BTreeSet<FrameId> = posed.map(|(id, _)| *id).collect();
@@ -262,7 +260,7 @@ fn joined<'a>(there: &'a Way, back: &'a Way, last: FrameId) -> Vec<(FrameId, Se3
     poses
 }
 
-/// Whether two poses differ by more than both ways err by.
+/// Whether two poses differ by more than the tolerance.
 fn differ(a: &Se3, b: &Se3) -> bool {
     let d = a.inverse() * *b;
     d.translation.norm() > AGREE_M || d.rotation.angle() > AGREE_RAD
@@ -292,7 +290,8 @@ mod tests {
     #[test]
     fn frames_that_only_one_way_has_keep_a_pose() {
         let there = way(&[(0, 5.0), (1, 4.0), (2, 2.5), (4, 1.0), (5, 0.5)]);
-        // The way there is off by a metre up to frame 4; frame 2 is lost on the way back, and frame 3 on the way there.
+        // The forward poses are off by a metre up to frame 4; frame 2 has no backward pose, and frame 3 no forward
+        // pose.
         let back = way(&[(0, 4.2), (1, 3.0), (3, 0.6), (4, 0.0), (5, 0.5)]);
         let found = joined(&there, &back, FrameId(4));
         let found: Vec<(u32, f64)> = found

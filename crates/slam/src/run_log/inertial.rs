@@ -1,11 +1,10 @@
-//! The lines of a log that hold samples of an inertial sensor.
+//! Log lines with inertial samples.
 
 use super::LogError;
 use super::line::{AllLines, Line, Words};
 use std::fmt::Write;
 use stillpoint_imaging::ImuSample;
 
-/// Writes how many there are, and a line for each.
 pub(super) fn write(text: &mut String, samples: &[ImuSample]) {
     let _ = writeln!(text, "inertial {}", samples.len());
     for s in samples {
@@ -18,13 +17,13 @@ pub(super) fn write(text: &mut String, samples: &[ImuSample]) {
     }
 }
 
-/// Reads the samples whose number is the next word, from the lines that follow.
+/// Reads the samples, whose number is the next word.
 pub(super) fn read(
     words: &mut Words<'_>,
     rest: &mut AllLines<'_>,
 ) -> Result<Vec<ImuSample>, LogError> {
     let count: usize = words.number("the number of samples")?;
-    // Nothing is set aside for a number that may be wrong.
+    // No preallocation, as the number may be corrupt.
     let mut samples = Vec::new();
     for _ in 0..count {
         let mut words = Line::next(rest)?.words("imu")?;

@@ -1,4 +1,4 @@
-//! The lines of a log.
+//! Lines of a log.
 
 use super::word::{escaped, unescaped};
 use super::{LogEntry, LogError};
@@ -10,14 +10,12 @@ use stillpoint_detection::{BoundingBox, ClassId, DetectError, Detection, Detecti
 use stillpoint_imaging::FrameId;
 use stillpoint_map::KeyframeId;
 
-/// A line of a text, with its number.
 #[derive(Clone, Copy)]
 pub(super) struct Line<'a> {
     number: usize,
     pub(super) text: &'a str,
 }
 
-/// The lines of a text.
 pub(super) struct AllLines<'a> {
     lines: Lines<'a>,
     number: usize,
@@ -41,7 +39,7 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// The next line of those that there must be.
+    /// The next line, which must exist.
     pub(super) fn next(lines: &mut AllLines<'a>) -> Result<Self, LogError> {
         lines.next().ok_or_else(|| LogError {
             line: lines.number,
@@ -68,7 +66,7 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// What the line says about the run, if it is such a line.
+    /// The text of a line about the run; `None` for other lines.
     pub(super) fn about(&self) -> Result<Option<String>, LogError> {
         match self.text.strip_prefix(ABOUT) {
             None => Ok(None),
@@ -80,7 +78,6 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// The hexadecimal number that follows `name`.
     pub(super) fn only_hex(&self, name: &str) -> Result<u64, LogError> {
         let mut words = self.words(name)?;
         let value = words.hex("16 hexadecimal digits")?;
@@ -89,7 +86,6 @@ impl<'a> Line<'a> {
     }
 }
 
-/// The words of a line.
 pub(super) struct Words<'a> {
     line: Line<'a>,
     words: SplitAsciiWhitespace<'a>,
@@ -134,7 +130,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// A text that was written with [`escaped`].
+    /// A text written with [`escaped`].
     fn text(&mut self) -> Result<String, LogError> {
         let word = self.word("a text in quotes")?;
         unescaped(word).ok_or_else(|| self.line.error("a text in quotes"))
@@ -152,10 +148,10 @@ impl<'a> Words<'a> {
     }
 }
 
-/// Begins a line about the run.
+/// Prefix of lines about the run.
 const ABOUT: &str = "| ";
 
-/// Writes what is said about a run: as it is where that is plain, else in quotes.
+/// Writes the text about a run, plain if possible, else quoted.
 pub(super) fn write_about(text: &mut String, about: &str) {
     if about.is_empty() {
         return;
@@ -170,7 +166,7 @@ pub(super) fn write_about(text: &mut String, about: &str) {
     }
 }
 
-/// Writes an entry, and the boxes that belong to it in lines of their own.
+/// Writes an entry and, in lines of their own, its boxes or samples.
 pub(super) fn write(text: &mut String, entry: &LogEntry) {
     // Writing to a string cannot fail.
     let _ = match entry {
@@ -258,7 +254,7 @@ fn write_failure(text: &mut String, next: FrameId, error: &DetectError) {
             escaped(expected),
             escaped(found)
         ),
-        // A failure that this crate does not know keeps its words.
+        // Other failures are stored as text.
         other => writeln!(
             text,
             "failed {next} {next} runtime {}",
@@ -267,7 +263,7 @@ fn write_failure(text: &mut String, next: FrameId, error: &DetectError) {
     };
 }
 
-/// Reads the entry that begins with `line`, and its boxes from those that follow.
+/// Reads the entry that begins with `line`, and its boxes or samples from the lines that follow.
 pub(super) fn read(line: &Line<'_>, rest: &mut AllLines<'_>) -> Result<LogEntry, LogError> {
     let name = line.text.split(' ').next().unwrap_or_default();
     let mut words = line.words(name)?;
@@ -354,7 +350,7 @@ fn read_detections(words: &mut Words<'_>, rest: &mut AllLines<'_>) -> Result<Det
     let frame = words.frame()?;
     let stamp = words.number("a stamp in seconds")?;
     let count: usize = words.number("the number of boxes")?;
-    // Nothing is set aside for a number that may be wrong.
+    // No preallocation, as the number may be corrupt.
     let mut items = Vec::new();
     for _ in 0..count {
         let mut words = Line::next(rest)?.words("box")?;

@@ -1,12 +1,11 @@
-//! The log of a run: in which order its stages took their messages.
+//! The run log: the order in which stages took their messages.
 //!
-//! Answers: what has to be known, beside frames and configuration, to run again what threads and clocks decided. A stage's
-//! answers are a pure function of the messages it took, in their order. A message exists once the stage that sent it has
-//! taken its own and is done; so carrying out the entries one after the other is always possible
-//! ([`Replay`](crate::Replay)).
+//! Together with frames and configuration it makes a threaded run reproducible: a stage's output is a pure function of
+//! its messages in order, and a message exists once its sender has processed its own, so entries can always be executed
+//! one after the other ([`Replay`](crate::Replay)).
 //!
-//! As a text: a header, lines about the run, one entry per line, and a last line that tells their number and a check sum of all before it.
-//! Numbers are written so that they read back to the same bits.
+//! As text: a header, lines about the run, one entry per line, and a last line with their number and a checksum.
+//! Numbers are written so that they parse to the same bits.
 
 mod inertial;
 mod line;
@@ -21,7 +20,7 @@ use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::{FrameId, ImuSample, OdometrySample, RgbdFrame};
 use stillpoint_map::{Correction, KeyframeId};
 
-/// First line of every log; the number is the version of the format.
+/// First line of every log, with the format version.
 const HEADER: &str = "stillpoint run log 1";
 
 /// One stage took one message.
@@ -29,94 +28,94 @@ const HEADER: &str = "stillpoint run log 1";
 pub enum LogEntry {
     /// The tracker took a frame.
     TrackFrame {
-        /// Its number.
+        /// Frame number.
         frame: FrameId,
         /// Its colour stamp, s.
         stamp: f64,
     },
     /// The tracker took a view of the map.
     TrackView {
-        /// The mapper's answer that brought it, counted from 0.
+        /// Index of the mapper's reply that contained it, from 0.
         answer: u64,
     },
-    /// The tracker took the places that can be recognised.
+    /// The tracker took a place index.
     TrackPlaces {
-        /// The loop closer's answer that brought them, counted from 0.
+        /// Index of the loop closer's reply that contained it, from 0.
         answer: u64,
     },
-    /// The tracker received a detector's answer.
+    /// The tracker received a detector's result.
     TrackDetections {
-        /// The frame that was to be tracked next.
+        /// The frame to be tracked next.
         next: FrameId,
-        /// What the detector said; kept here, so that no network is needed to run again.
+        /// The detector's result, stored so that a replay needs no network.
         said: Result<Detections, DetectError>,
     },
-    /// The tracker received samples of an inertial sensor; kept here, in the order of time.
+    /// The tracker received inertial samples, in order of time.
     TrackInertial {
         /// The samples.
         samples: Vec<ImuSample>,
     },
-    /// The tracker received samples of odometry; kept here, in the order of time.
+    /// The tracker received odometry samples, in order of time.
     TrackOdometry {
         /// The samples.
         samples: Vec<OdometrySample>,
     },
-    /// The tracker heard that the stream is over before it had tracked the first frames of a map again.
+    /// The stream ended while the first frames of a map were being tracked again.
     TrackEnd,
-    /// The tracker was set how many keypoints are wanted per image from now on.
+    /// The number of keypoints per image was changed.
     TrackEffort {
-        /// So many.
+        /// Keypoints per image.
         features: u32,
     },
-    /// The mapper was set how much work goes into a keyframe from now on.
+    /// The work per keyframe of the mapper was changed.
     MapEffort {
-        /// So much.
+        /// Work per keyframe.
         effort: MappingEffort,
     },
     /// The mapper took a keyframe.
     MapKeyframe {
-        /// Its id.
+        /// Keyframe id.
         keyframe: KeyframeId,
     },
-    /// The mapper learned what moves in a keyframe.
+    /// The mapper took late verdicts on a keyframe.
     MapRejudge {
-        /// Its id.
+        /// Keyframe id.
         keyframe: KeyframeId,
     },
-    /// The mapper took back the beginning of a map.
+    /// The mapper revoked the beginning of a map.
     MapRevoke {
-        /// The first keyframe that it may hold.
+        /// First revoked id.
         first: KeyframeId,
-        /// The last one.
+        /// Last revoked id.
         last: KeyframeId,
     },
     /// The mapper took a correction.
     MapCorrect {
-        /// The version that it corrects.
+        /// Version of the map from which it was computed.
         base_version: u64,
     },
     /// The loop closer took a keyframe.
     LoopKeyframe {
-        /// Its id.
+        /// Keyframe id.
         keyframe: KeyframeId,
-        /// Version of the view that came with it.
+        /// Version of the attached view.
         map_version: u64,
     },
-    /// The loop closer learned what moves in a keyframe.
+    /// The loop closer took late verdicts on a keyframe.
     LoopRejudged {
-        /// Its id.
+        /// Keyframe id.
         keyframe: KeyframeId,
-        /// Version of the view that came with it.
+        /// Version of the attached view.
         map_version: u64,
     },
-    /// The loop closer learned that the beginning of a map was taken back.
+    /// The loop closer took a revocation.
     LoopRevoked {
-        /// Version of the view that came with it.
+        /// Version of the attached view.
         map_version: u64,
     },
-    /// The loop closer learned that its correction is in the map.
+    /// The loop closer was informed that its correction was applied.
     LoopCorrected {
-        /// The version that holds it.
+        /// First version that contains it.
         map_version: u64,
     },
 }
@@ -138,7 +137,7 @@ impl From<&MapperMsg> for LogEntry {
 }
 
 impl LogEntry {
-    /// That the tracker took a frame.
+    /// Entry for a frame of the tracker.
     #[must_use]
     pub fn of_frame(frame: &RgbdFrame) -> Self {
         Self::TrackFrame {
@@ -147,7 +146,7 @@ impl LogEntry {
         }
     }
 
-    /// That the mapper took a correction.
+    /// Entry for a correction of the mapper.
     #[must_use]
     pub fn of_correction(correction: &Correction) -> Self {
         Self::MapCorrect {
@@ -155,7 +154,7 @@ impl LogEntry {
         }
     }
 
-    /// That the loop closer took a message; nothing for a map that was there before the first frame.
+    /// Entry for a message of the loop closer; `None` for a map that existed before the first frame.
     #[must_use]
     pub fn of_loop_closer(message: &LoopCloserMsg) -> Option<Self> {
         match message {
@@ -178,14 +177,14 @@ impl LogEntry {
     }
 }
 
-/// Bytes are no log that can be used.
+/// A log that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogError {
     /// Line, from 1.
     pub line: usize,
-    /// What it should hold.
+    /// Expected content.
     pub expected: String,
-    /// What it holds.
+    /// Found content.
     pub found: String,
 }
 
@@ -204,18 +203,18 @@ impl std::error::Error for LogError {}
 /// The log of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunLog {
-    /// Tells configuration, camera and first map ([`Stages::fingerprint`](crate::Stages::fingerprint)).
+    /// Hash of configuration, camera and initial map ([`Stages::fingerprint`](crate::Stages::fingerprint)).
     pub fingerprint: u64,
-    /// What the program that ran the stages wants to find here again, such as their configuration. Means nothing to the replay.
+    /// Free text of the program that made the log, such as its configuration. Ignored by the replay.
     pub about: String,
-    /// What was taken, in the order of taking.
+    /// Entries in order of execution.
     pub entries: Vec<LogEntry>,
-    /// Tells the trajectory that came out ([`Trajectory::digest`](crate::Trajectory::digest)).
+    /// Hash of the resulting trajectory ([`Trajectory::digest`](crate::Trajectory::digest)).
     pub trajectory: u64,
 }
 
 impl RunLog {
-    /// The log as a text.
+    /// Writes the log as text.
     #[must_use]
     pub fn to_text(&self) -> String {
         let mut text = format!("{HEADER}\nstages {:016x}\n", self.fingerprint);
@@ -231,7 +230,7 @@ impl RunLog {
     /// Reads a log.
     ///
     /// # Errors
-    /// [`LogError`] with the first line that does not read, or the last when something is missing or was changed.
+    /// [`LogError`] with the first invalid line, or the last one if the log is incomplete or was changed.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, LogError> {
         let text = std::str::from_utf8(bytes).map_err(|e| {
             let before = &bytes[..e.valid_up_to()];
@@ -254,7 +253,7 @@ impl RunLog {
         Ok(log)
     }
 
-    /// Reads a log whatever its check sum.
+    /// Reads a log without verifying its checksum.
     fn parse(text: &str) -> Result<Self, LogError> {
         let mut lines = Line::all(text);
         let first = Line::next(&mut lines)?;
@@ -294,7 +293,7 @@ impl RunLog {
     }
 }
 
-/// The last line, for the number of entries and all that is before it.
+/// The last line, from the number of entries and the text before it.
 fn end_line(entries: usize, before: &str) -> String {
     let mut f = Fingerprint::default();
     f.text(before);

@@ -1,11 +1,10 @@
-//! The lines of a log that hold samples of odometry.
+//! Log lines with odometry samples.
 
 use super::LogError;
 use super::line::{AllLines, Line, Words};
 use std::fmt::Write;
 use stillpoint_imaging::OdometrySample;
 
-/// Writes how many there are, and a line for each.
 pub(super) fn write(text: &mut String, samples: &[OdometrySample]) {
     let _ = writeln!(text, "odometry {}", samples.len());
     for s in samples {
@@ -22,13 +21,13 @@ pub(super) fn write(text: &mut String, samples: &[OdometrySample]) {
     }
 }
 
-/// Reads the samples whose number is the next word, from the lines that follow.
+/// Reads the samples, whose number is the next word.
 pub(super) fn read(
     words: &mut Words<'_>,
     rest: &mut AllLines<'_>,
 ) -> Result<Vec<OdometrySample>, LogError> {
     let count: usize = words.number("the number of samples")?;
-    // Nothing is set aside for a number that may be wrong.
+    // No preallocation, as the number may be corrupt.
     let mut samples = Vec::new();
     for _ in 0..count {
         let line = Line::next(rest)?;

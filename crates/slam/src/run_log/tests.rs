@@ -140,7 +140,7 @@ proptest! {
         let text = log.to_text();
         let at = at.index(text.len());
         let end = (at + cut).min(text.len());
-        // Without the check sum: what it lets through by chance must not hurt either.
+        // Without the checksum: input that it accepts by chance must parse consistently.
         if let Ok(read) = RunLog::parse(&format!("{}{with}{}", &text[..at], &text[end..])) {
             let again = RunLog::from_bytes(read.to_text().as_bytes());
             prop_assert!(again.is_ok_and(|again| again.to_text() == read.to_text()));

@@ -1,8 +1,8 @@
-//! Any text as a word of a line.
+//! Arbitrary text as one word of a line.
 
 use std::fmt::Write;
 
-/// A text as one word of ASCII: in quotes, with every character but letters, digits and some marks as `\u{..}`.
+/// Quotes text as one ASCII word: spaces as `\s`, backslashes, quotes and non-ASCII characters as `\u{..}`.
 pub(super) fn escaped(text: &str) -> String {
     let mut out = String::from("\"");
     for c in text.chars() {
@@ -18,7 +18,7 @@ pub(super) fn escaped(text: &str) -> String {
     out
 }
 
-/// The text that was written with [`escaped`].
+/// Inverse of [`escaped`]; `None` for invalid input.
 pub(super) fn unescaped(word: &str) -> Option<String> {
     let mut rest = word.strip_prefix('"')?.strip_suffix('"')?;
     let mut out = String::new();

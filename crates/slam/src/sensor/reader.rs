@@ -1,28 +1,26 @@
-//! The depths of keypoints in one depth image.
+//! Reads the depths of keypoints from a depth image.
 
 use super::SensorConfig;
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec6};
 use stillpoint_imaging::DepthImage;
 
-/// A depth measurement of one keypoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DepthReading {
     /// Depth along the optical axis, m.
     pub(crate) z: f64,
-    /// Its standard deviation, m.
+    /// Standard deviation, m.
     pub(crate) sigma: f64,
 }
 
-/// Reads depths of keypoints in one depth image.
 pub(crate) struct DepthReader<'a> {
     config: &'a SensorConfig,
     camera: &'a Camera,
     image: &'a DepthImage,
-    /// Range of depths that are used, m: the least and the largest single that is within the configured one.
+    /// Range of depths that are used, m: the smallest and largest `f32` within the configured range.
     range: [f32; 2],
-    /// Motion from the camera at the colour stamp to the camera at the exposure of the depth image; none when unknown.
+    /// Motion from the camera at the colour stamp to the camera at the exposure of the depth image; `None` if unknown.
     depth_from_colour: Option<Se3>,
-    /// Standard deviation of the camera's motion along the ray between the two that is not compensated, m.
+    /// Standard deviation along the ray of the uncompensated motion between the two, m.
     motion_sigma: f64,
 }
 
@@ -48,7 +46,7 @@ impl<'a> DepthReader<'a> {
         }
     }
 
-    /// The depth at a keypoint: `raw` in the image as recorded, `undistorted` the same point without distortion.
+    /// Depth at a keypoint with pixel `raw` in the recorded image and `undistorted` without distortion.
     pub(crate) fn read(&self, raw: Vec2, undistorted: Vec2) -> Option<DepthReading> {
         let pixel = self.pixel(raw);
         let [here] = self.medians([pixel]);
@@ -60,7 +58,7 @@ impl<'a> DepthReader<'a> {
         self.reading(&place, there)
     }
 
-    /// Robust depths around raw pixels, m; 0 where there is none.
+    /// Robust depths around raw pixels, m; 0 if invalid.
     pub(crate) fn depths_at(&self, raw: impl Fn(usize) -> Vec2, depths: &mut [f32]) {
         for (chunk, depths) in depths.chunks_mut(LANES).enumerate() {
             let pixel = |l: usize| self.pixel(raw(chunk * LANES + l));
@@ -70,7 +68,6 @@ impl<'a> DepthReader<'a> {
         }
     }
 
-    /// The depths at some keypoints, in one go.
     pub(crate) fn read_all(
         &self,
         points: &[Option<DepthPoint>; LANES],
@@ -87,10 +84,10 @@ impl<'a> DepthReader<'a> {
         std::array::from_fn(|l| self.reading(places[l].as_ref()?, there[l]))
     }
 
-    /// Where in the depth image the point at a pixel is looked for, when its depth there is `here`.
+    /// Position in the depth image of the point at a pixel with depth `here`.
     ///
-    /// The depth image was taken from another pose: the point appears elsewhere in it, and the motion along the axis is taken back.
-    /// One step from the depth at the keypoint itself is enough for motions of a few millimetres.
+    /// The depth image was taken from another pose: the point is displaced in it, and its depth differs by the motion
+    /// along the axis. One step from the depth at the keypoint suffices for motions of a few millimetres.
     #[inline]
     fn place(&self, pixel: Option<Pixel>, undistorted: Vec2, here: f32) -> Option<Place> {
         if here <= 0.0 {
@@ -107,7 +104,7 @@ impl<'a> DepthReader<'a> {
         })
     }
 
-    /// What is read at a place where the depth image has the depth `there`, 0 for none.
+    /// The reading for depth `there` in the depth image, 0 if invalid.
     #[inline]
     fn reading(&self, place: &Place, there: f32) -> Option<DepthReading> {
         let z = f64::from(there) - place.nearer;
@@ -122,7 +119,7 @@ impl<'a> DepthReader<'a> {
         Some(DepthReading { z, sigma })
     }
 
-    /// The pixel at a raw position, when its neighbours are in the image.
+    /// The pixel at a raw position, if its neighbours are in the image.
     #[inline]
     fn pixel(&self, raw: Vec2) -> Option<Pixel> {
         let (x, y) = (libm::round(raw.x), libm::round(raw.y));
@@ -131,10 +128,10 @@ impl<'a> DepthReader<'a> {
         inside.then_some([x as usize, y as usize])
     }
 
-    /// A robust depth around each pixel: the median of the valid depths in 3x3, when they are of one surface; else 0.
+    /// Robust depth around each pixel: the median of the valid depths in 3x3 if they belong to one surface; else 0.
     #[inline(always)]
     fn medians<const L: usize>(&self, pixels: [Option<Pixel>; L]) -> [f32; L] {
-        // Side by side, so that they are sorted in vectors.
+        // In lanes, so that sorting is vectorised.
         let mut depths = [[f32::INFINITY; L]; 9];
         for (l, pixel) in pixels.iter().enumerate() {
             let Some([x, y]) = pixel else { continue };
@@ -161,8 +158,8 @@ impl<'a> DepthReader<'a> {
                 return 0.0;
             }
             let (near, far, median) = (depths[0][l], depths[n - 1][l], depths[n / 2][l]);
-            // Neighbours on one surface differ by its slope and the noise; more than that is an edge, where the depth of the
-            // corner itself is a coin toss.
+            // On one surface neighbours differ by slope and noise; a larger spread is an edge, where the corner's depth
+            // is ambiguous.
             if far - near <= 0.02 + 0.03 * median {
                 median
             } else {
@@ -175,29 +172,28 @@ impl<'a> DepthReader<'a> {
 /// Column and row of a pixel whose neighbours are in the image.
 type Pixel = [usize; 2];
 
-/// Pixels whose depths are read together: four numbers of single precision fill a vector register of 128 bits.
+/// Number of pixels whose depths are read together: four numbers of single precision fill a vector register of 128
+/// bits.
 pub(crate) const LANES: usize = 4;
 
-/// A keypoint whose depth is read.
 #[derive(Clone, Copy)]
 pub(crate) struct DepthPoint {
-    /// In the image as recorded, px.
+    /// In the recorded image, px.
     pub(crate) raw: Vec2,
     /// The same point without distortion.
     pub(crate) undistorted: Vec2,
-    /// What [`DepthReader::depths_at`] tells of the raw one, m.
+    /// Depth at `raw` from [`DepthReader::depths_at`], m.
     pub(crate) here: f32,
 }
 
-/// Where in the depth image a point is looked for.
 struct Place {
-    /// None outside the image.
+    /// `None` outside the image.
     pixel: Option<Pixel>,
-    /// How much nearer the point is from where the colour image was taken, m, with a minus sign.
+    /// Depth in the depth image less depth in the colour image, m.
     nearer: f64,
 }
 
-/// The least single that is not below a number.
+/// The smallest `f32` that is not below a number.
 fn at_least(x: f64) -> f32 {
     let near = x as f32;
     if f64::from(near) < x {
@@ -207,10 +203,10 @@ fn at_least(x: f64) -> f32 {
     }
 }
 
-/// Sorts nine numbers of every lane by a network of 25 comparisons, whose outcomes no branch has to be predicted for.
+/// Sorts nine numbers per lane with a branchless network of 25 comparisons.
 #[inline(always)]
 fn sort_nine<const L: usize>(v: &mut [[f32; L]; 9]) {
-    /// Places whose numbers are compared and put in order, in turn. Nine numbers need no fewer comparisons than 25 (Codish, Cruz-Filipe, Frank,
+    /// Pairs to compare and swap, in order. Nine numbers need at least 25 comparisons (Codish, Cruz-Filipe, Frank,
     /// Schneider-Kamp, ICTAI 2014).
     const NETWORK: [(usize, usize); 25] = [
         (0, 3),
@@ -303,7 +299,8 @@ mod tests {
         assert!((sigma(5.0) / sigma(1.0) - 5.0).abs() < 1e-9);
     }
 
-    /// A network that sorts all arrays of zeros and ones sorts everything (Knuth, The Art of Computer Programming 3, 5.3.4).
+    /// A network that sorts all arrays of zeros and ones sorts everything (Knuth, The Art of Computer Programming 3,
+    /// 5.3.4).
     #[test]
     fn nine_numbers_are_sorted() {
         for bits in 0_u16..512 {
@@ -328,7 +325,7 @@ mod tests {
             max_depth: 3.3,
             ..SensorConfig::default()
         };
-        // A floor that falls away, with holes, and steps every 37 columns.
+        // A receding floor with holes, and steps every 37 columns.
         let depth = |i: usize| match (i % 640, i / 640) {
             (x, y) if (x * y) % 11 == 0 => 0.0,
             (x, y) => 1.0 + 0.005 * y as f32 + (x / 37 % 2) as f32 * 0.4,

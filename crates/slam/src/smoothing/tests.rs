@@ -1,7 +1,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// A hand's motion: swings of 0.4 to 1.1 Hz, and a turn of up to 60 deg/s.
+/// Motion of a hand-held camera: oscillations of 0.4 to 1.1 Hz, and rotation of up to 60 deg/s.
 fn hand(t: f64) -> Se3 {
     let place = [(0.10, 2.6, 0.0), (0.08, 4.1, 1.0), (0.05, 6.9, 2.0)];
     let [x, y, z] = place.map(|(size, speed, phase)| size * libm::sin(speed * t + phase));
@@ -9,7 +9,7 @@ fn hand(t: f64) -> Se3 {
     Se3::new(so3::exp(&turn), Vec3::new(x, y, z + 0.3 * t))
 }
 
-/// Three numbers of deviation 1: sums of twelve equal deviates, by a hash of the frame.
+/// Three numbers of deviation 1: sums of twelve uniform deviates, from a hash of the frame.
 fn normal(frame: usize, stream: u64) -> Vec3 {
     let mut state = frame as u64 * 977 + stream * 7919 + 1;
     let mut unit = || {
@@ -21,7 +21,7 @@ fn normal(frame: usize, stream: u64) -> Vec3 {
     Vec3::from_fn(|_, _| (0..12).map(|_| unit()).sum::<f64>() - 6.0)
 }
 
-/// Frames at a rate whose stamps are a tenth of the interval off.
+/// Frame stamps with a jitter of a tenth of the interval.
 fn stamps(count: usize, rate: f64) -> Vec<f64> {
     let off = |k: usize| 0.1 * (normal(k, 9).x).clamp(-3.0, 3.0);
     (0..count).map(|k| (k as f64 + off(k)) / rate).collect()
@@ -39,7 +39,7 @@ fn jittered(stamps: &[f64], metres: f64, radians: f64) -> Vec<Se3> {
     stamps.iter().enumerate().map(pose).collect()
 }
 
-/// Root mean square of the places and of the directions.
+/// Root mean square error of positions and of rotations.
 fn error(stamps: &[f64], poses: &[Se3]) -> [f64; 2] {
     let off = |(t, pose): (&f64, &Se3)| {
         let exact = hand(*t);
@@ -80,7 +80,7 @@ fn what_is_exact_stays() {
     }
 }
 
-/// 20 m/s^2 for a tenth of a second among poses that err by little: a robot over a door sill.
+/// 20 m/s^2 for a tenth of a second among accurate poses: a robot driving over a door sill.
 #[test]
 fn a_blow_is_kept() {
     let stamps: Vec<f64> = (0..90).map(|k| f64::from(k) / 30.0).collect();
@@ -120,7 +120,7 @@ fn too_few_stay_as_they_are() {
 }
 
 proptest! {
-    /// In another world the same path comes out.
+    /// The result does not depend on the choice of world frame.
     #[test]
     fn the_world_does_not_matter(turn in [-2.0..2.0, -2.0..2.0, -2.0..2.0f64], shift in [-5.0..5.0, -5.0..5.0, -5.0..5.0f64]) {
         let world = Se3::new(so3::exp(&Vec3::from(turn)), Vec3::from(shift));
@@ -135,7 +135,7 @@ proptest! {
         }
     }
 
-    /// Whatever the stamps, no pose goes farther than those around it may err, and none is lost.
+    /// With any stamps, no pose moves farther than the errors around it, and none is lost.
     #[test]
     fn uneven_stamps_do_no_harm(gaps in prop::collection::vec(-4.0..-0.61f64, 12..60), metres in 0.0..0.05f64) {
         let mut now = 0.0;
@@ -153,7 +153,7 @@ proptest! {
         }
     }
 
-    /// The banded method solves what it was given.
+    /// The banded solver solves the normal equations.
     #[test]
     fn the_equations_are_solved(weights in prop::collection::vec(0.1..10.0f64, 3..20), shares in [-3.0..3.0, -3.0..3.0, -3.0..3.0f64], weight in 0.0..5.0f64) {
         let mut system = Banded::new(&weights);
@@ -161,7 +161,6 @@ proptest! {
             system.add(k, &shares, weight, &(Vec3::x() * (k as f64 - 3.0)));
         }
         let found = system.solve();
-        // The gradient vanishes.
         for i in 0..weights.len() {
             let mut gradient = weights[i] * found[i].x;
             for k in 0..weights.len() - 2 {

@@ -1,4 +1,4 @@
-//! The image as cells with one depth each: their rays, and where points fall among them.
+//! A grid of image cells with one depth each: their rays, and projection of points into them.
 
 use crate::sensor::DepthNoise;
 use std::array::from_fn;
@@ -9,12 +9,12 @@ use stillpoint_imaging::CoarseDepth;
 pub(super) const CELL_PX: usize = 8;
 /// Step of the table from undistorted pixels to cells, px: half of a cell (`CELL_PX`).
 const TABLE_STEP: f32 = 4.0;
-/// No cell, a number that no cell has: outside the raw image.
+/// Index for points outside the raw image.
 pub(super) const NONE: u16 = u16::MAX;
 
-/// How far the table reaches beyond each side of the raw image, in widths and heights of it. A lens whose undistorted image is wider sees its border
-/// at over 70 degrees (2.5 widths aside, at a Kinect's focal length of 0.82 widths); what is there is in no cell. Chosen: the table keeps a bounded
-/// size.
+/// Extent of the table beyond each side of the raw image, in image widths and heights. A lens whose undistorted image
+/// is wider sees its border at over 70 degrees (2.5 widths aside, at a Kinect's focal length of 0.82 widths); points
+/// there are in no cell. Chosen: it bounds the size of the table.
 const TABLE_REACH: f64 = 2.0;
 
 /// The rectangle of undistorted pixels that the table covers: min x, min y, max x, max y.
@@ -29,22 +29,22 @@ fn table_bounds(camera: &Camera) -> [f64; 4] {
     ]
 }
 
-/// Rays of all cells of a camera, and the table back from undistorted pixels to cells.
+/// Rays of all cells of a camera, and a lookup table from undistorted pixels to cells.
 #[derive(Clone)]
 pub(super) struct Cells {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// (x/z, y/z) of the middle of each cell, row by row.
+    /// (x/z, y/z) of the centre of each cell, row by row.
     rays: Vec<[f32; 2]>,
     /// Pinhole: fx, fy, cx, cy.
     pinhole: [f32; 4],
-    /// Cell at each point of the table's grid over undistorted pixels.
+    /// Cell at each grid point of undistorted pixels.
     table: Vec<u16>,
-    /// The same, without the cells at the border of the image. Both end with an entry for what is beside them.
+    /// Likewise without the border cells of the image. Both tables end with an entry for points outside.
     inner_table: Vec<u16>,
     table_origin: [f32; 2],
     table_size: [usize; 2],
-    /// Whether all eight neighbours of a cell exist.
+    /// Whether a cell has all eight neighbours.
     is_inner: Vec<bool>,
     noise: DepthNoise,
 }
@@ -72,7 +72,7 @@ impl Cells {
             for i in 0..table_size[0] {
                 let px = Vec2::new(x0 + (i as f64 + 0.5) * step, y0 + (j as f64 + 0.5) * step);
                 let raw = camera.distort(px);
-                // A lens model bends back far outside the image: only points that undistort to where they came from count.
+                // A distortion model folds back far outside the image: only points that undistort to themselves count.
                 let back = camera.undistort(raw);
                 let (u, v) = ((raw.x + 0.5) / size, (raw.y + 0.5) / size);
                 let inside = u >= 0.0
@@ -114,12 +114,12 @@ impl Cells {
         self.width * self.height
     }
 
-    /// (x/z, y/z) of the middle of each cell, row by row.
+    /// (x/z, y/z) of the centre of each cell, row by row.
     pub(super) fn rays(&self) -> &[[f32; 2]] {
         &self.rays
     }
 
-    /// The cell in which a point in camera coordinates appears.
+    /// The cell of a point in camera coordinates.
     #[cfg(test)]
     pub(super) fn project(&self, p: [f32; 3]) -> Option<usize> {
         let [entry] = self.entries(&p.map(|v| [v]));
@@ -127,18 +127,16 @@ impl Cells {
         (cell != NONE).then_some(usize::from(cell))
     }
 
-    /// The table of all cells.
     pub(super) fn all(&self) -> &[u16] {
         &self.table
     }
 
-    /// The table of the cells whose eight neighbours exist.
+    /// Table of the cells with all eight neighbours.
     pub(super) fn inner(&self) -> &[u16] {
         &self.inner_table
     }
 
-    /// The entries of a table at which points in camera coordinates appear; the last one for those that are not in front of the camera or
-    /// in no cell.
+    /// Table indices of points in camera coordinates; the last index for points behind the camera or outside.
     #[inline(always)]
     pub(super) fn entries<const L: usize>(&self, [x, y, z]: &[[f32; L]; 3]) -> [u32; L] {
         let [fx, fy, cx, cy] = self.pinhole;
@@ -149,7 +147,7 @@ impl Cells {
         let is_inside: [bool; L] = from_fn(|l| {
             (z[l] > 0.05) & (i[l] >= 0.0) & (j[l] >= 0.0) & (i[l] < width) & (j[l] < height)
         });
-        // Within 0 and the size of the table: signed 32 bits hold both, and are converted fastest.
+        // Signed 32 bits suffice, and convert fastest.
         let column: [i32; L] = from_fn(|l| (if is_inside[l] { i[l] } else { 0.0 }) as i32);
         let row: [i32; L] = from_fn(|l| (if is_inside[l] { j[l] } else { 0.0 }) as i32);
         let (stride, beside) = (self.table_size[0] as u32, self.table.len() as u32 - 1);
@@ -159,7 +157,7 @@ impl Cells {
         })
     }
 
-    /// The cell at a raw pixel, the last one where a remainder of the image has none.
+    /// The cell at a raw pixel; pixels in an incomplete cell at the border go to the last one.
     pub(super) fn at(&self, u: f32, v: f32) -> usize {
         let size = CELL_PX as f32;
         let x = (((u + 0.5) / size).max(0.0) as usize).min(self.width.saturating_sub(1));
@@ -167,14 +165,14 @@ impl Cells {
         y * self.width + x
     }
 
-    /// How much two depths of one surface may differ beyond its own slope, m: sensor noise at four sigma, calibration, and
-    /// the pose's own error, which is that of a prediction.
+    /// Tolerance between two depths of one surface beyond its own slope, m: sensor noise at four sigma, calibration,
+    /// and the error of a predicted pose.
     #[inline]
     pub(super) fn depth_tolerance(&self, z: f32) -> f32 {
         0.03 + 0.01 * z + 4.0 * self.noise.sigma_f32(z)
     }
 
-    /// Calls `f` with the existing cells among the 3x3 around a cell, row by row.
+    /// Calls `f` for the existing cells among the 3x3 around a cell, row by row.
     #[inline]
     pub(super) fn for_each_around(&self, cell: usize, mut f: impl FnMut(usize)) {
         if self.is_inner[cell] {
@@ -194,7 +192,6 @@ impl Cells {
     }
 }
 
-/// The coarse depth of a frame.
 pub(super) fn coarse(depth: &stillpoint_imaging::DepthImage) -> CoarseDepth {
     CoarseDepth::new(depth, CELL_PX)
 }
@@ -204,7 +201,7 @@ mod tests {
     use super::*;
     use stillpoint_geometry::{BrownConrady, Vec3};
 
-    /// The strongly bent lens of a Kinect's colour camera.
+    /// The strongly distorting lens of a Kinect's colour camera.
     fn bent() -> Camera {
         Camera {
             distortion: BrownConrady {
@@ -222,7 +219,7 @@ mod tests {
         Camera::pinhole(640, 480, [535.0, 535.0, 319.5, 239.5])
     }
 
-    /// How far a raw pixel lies outside a cell, px.
+    /// Distance of a raw pixel outside a cell, px.
     fn outside(cells: &Cells, cell: usize, raw: Vec2) -> f64 {
         let corner = |i: usize| (i * CELL_PX) as f64 - 0.5;
         let off = |v: f64, i: usize| (corner(i) - v).max(v - corner(i + 1)).max(0.0);
@@ -292,7 +289,7 @@ mod tests {
 
     #[test]
     fn the_lens_matters_to_the_table() {
-        // The same test would pass without a lens model if the lens did nothing.
+        // Ensures that the lens model has an effect in the test above.
         let (bent, straight) = (bent(), bent().rectified());
         let p = Vec3::new(-0.55, -0.42, 1.0);
         let gap = (bent.project_distorted(&p) - straight.project(&p)).norm();

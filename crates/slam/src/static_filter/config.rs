@@ -5,7 +5,7 @@ use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 use stillpoint_detection::{MotionWeights, ObjectsConfig};
 
-/// Which strategy rejects features.
+/// Strategy for rejecting features.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
@@ -13,14 +13,14 @@ pub enum Preset {
     Off,
     /// Objects, epipolar constraint and depth, fused as published.
     Paper,
-    /// The same, with the motion weights of all classes, and with boxes left whole whose depths have one mode.
+    /// As `Paper`, with motion weights of all classes, and without splitting boxes whose depths are unimodal.
     Adapted,
     /// Log odds per depth-connected region from objects, free space, flow and the past.
     #[default]
     Default,
 }
 
-/// What the static filter uses: as text the letters O, G and D, joined by `+`, or `none`.
+/// Parts of the static filter: as text the letters O, G and D, joined by `+`, or `none`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct FilterParts {
@@ -30,7 +30,7 @@ pub struct FilterParts {
 }
 
 impl Default for FilterParts {
-    /// All of them.
+    /// All parts.
     fn default() -> Self {
         Self {
             objects: true,
@@ -84,24 +84,25 @@ impl TryFrom<String> for FilterParts {
     }
 }
 
-/// Rejection of what moves.
+/// Rejection of moving objects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StaticFilterConfig {
-    /// Strategy: "off", "paper" (objects, epipolar constraint and depth as published), "adapted" (the same with the weights of all
-    /// classes, and without a split of boxes whose depths have one mode) or "default".
+    /// Strategy: "off", "paper" (objects, epipolar constraint and depth as published), "adapted" (likewise with motion
+    /// weights of all classes, and without splitting boxes whose depths are unimodal) or "default".
     pub preset: Preset,
-    /// What it uses, for ablations: objects (O), flow between frames (G: the epipolar constraint, and in preset "default" the rigid
-    /// test), depth within boxes (D: in preset "paper" splits a box into object and background, in preset "default" gives an object a
-    /// range of depth, without which all that is in its box is the object). Range: letters of "O+G+D" joined by "+", or "none".
+    /// Parts that are used, for ablations: objects (O), flow between frames (G: the epipolar constraint, and in preset
+    /// "default" the rigid test), depth within boxes (D: in preset "paper" splits a box into object and background, in
+    /// preset "default" gives an object a range of depth, without which everything in its box belongs to it). Range:
+    /// letters of "O+G+D" joined by "+", or "none".
     pub parts: FilterParts,
-    /// Fewer static features than this starve tracking: the least risky dynamic ones are released. Range: 0 to 1000.
+    /// Minimum number of static features; with fewer, the least risky dynamic ones are used as well. Range: 0 to 1000.
     pub min_features: usize,
-    /// Distance from its epipolar line from which a feature moves, px; in a box the motion weight multiplies the distance. In presets "paper"
-    /// and "adapted". Range: 0.1 to 20. 1 as published.
+    /// Distance from its epipolar line from which a feature moves, px; inside a box the distance is multiplied by the
+    /// motion weight. In presets "paper" and "adapted". Range: 0.1 to 20. 1 as published.
     pub epipolar_px: f64,
-    /// Boxes of classes of at least this motion weight are split by depth. In presets "paper" and "adapted". Range: 0 to 5. 3 splits those of people and
-    /// chairs, and not those of desks.
+    /// Boxes of classes of at least this motion weight are split by depth. In presets "paper" and "adapted". Range: 0
+    /// to 5. 3 splits those of people and chairs, and not those of desks.
     pub split_weight: f64,
 }
 
@@ -125,18 +126,18 @@ impl StaticFilterConfig {
     }
 }
 
-/// What of the configuration concerns the static filter: made from a [`Config`](crate::Config).
+/// Settings of the static filter, made from a [`Config`](crate::Config).
 #[derive(Clone, Debug, PartialEq)]
 pub struct FilterSetup {
-    /// Which strategy rejects features.
+    /// Strategy and parts.
     pub filter: StaticFilterConfig,
     /// How likely each class is to move.
     pub weights: MotionWeights,
-    /// How objects are tracked.
+    /// Object tracking.
     pub objects: ObjectsConfig,
-    /// The depth sensor's noise.
+    /// Noise of the depth sensor.
     pub noise: DepthNoise,
-    /// Seed of every random choice.
+    /// Seed of all random choices.
     pub seed: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Which surface a corner lies on, and what follows for it.
+//! Assigns corners to surfaces and derives their verdicts.
 
 use super::cells::{Cells, coarse};
 use super::rigid::Votes;
@@ -10,19 +10,19 @@ use std::ops::Range;
 use stillpoint_detection::Object;
 use stillpoint_imaging::{DepthImage, RgbdFrame};
 
-/// What has no depth and is so near something that moves may be a part of it, cells: dark clothes below a face, hair above it. Chosen: 24 px, which
-/// is 9 cm at 2 m.
+/// Distance within which a corner without depth may belong to a moving object, cells: dark clothes below a face, hair
+/// above it. Chosen: 24 px, which is 9 cm at 2 m.
 const NEAR_CELLS: usize = 3;
-/// Least number of corners without depth near a pixel whose flow decides whether the pixel moves: one corner alone costs accuracy (decision 4).
-/// Chosen: four, of which all have to agree (`HOLE_SHARE`).
+/// Minimum number of corners without depth near a pixel for their flow to decide whether it moves: one corner alone
+/// costs accuracy (decision 4). Chosen: four, of which all have to agree (`HOLE_SHARE`).
 const HOLE_VOTES: u32 = 4;
-/// A pixel without depth moves if the flow of more than this share of the corners without depth near it shows motion: most have to agree, as flow
-/// errs most beside silhouettes (decision 4).
+/// A pixel without depth moves if the flow of more than this share of the corners without depth near it shows motion:
+/// most have to agree, as flow errs most beside silhouettes (decision 4).
 const HOLE_SHARE: f64 = 0.75;
 
 impl StaticFilter {
-    /// A feature moves with the surface that it lies on. Where its depth is not known, `moves` decides, given the log odds of what was there shortly before (0 where
-    /// nothing was).
+    /// Verdict of a feature from the surface that it lies on. Without depth `moves` decides, from the log odds of the
+    /// surface seen there recently (0 if none).
     pub(super) fn judge_feature(
         &self,
         pixel: [f32; 2],
@@ -70,7 +70,7 @@ impl StaticFilter {
         }
     }
 
-    /// What is said of any raw pixels of the frame that was judged last, in which these objects were.
+    /// Verdicts for arbitrary raw pixels of the last judged frame, with its objects.
     pub(crate) fn judge_pixels(
         &self,
         frame: &RgbdFrame,
@@ -88,31 +88,32 @@ impl StaticFilter {
         pixels.iter().map(judge).collect()
     }
 
-    /// Whether corners without depth are judged by their flow. A detector finds people whatever they wear, and most such corners are on the background.
+    /// Whether corners without depth are judged by their flow. With a detector this is unnecessary: it finds people in
+    /// any clothes, and most such corners are on the background.
     pub(super) fn asks_holes(&self) -> bool {
         self.rules.config.preset == Preset::Default && !self.detected
     }
 
-    /// Whether the flow of a feature without depth tells something, which was at this raw pixel of the last frame: whether it is near what moves.
+    /// Whether a feature without depth, at this raw pixel of the last frame, is near a moving surface, so that its flow
+    /// is needed.
     pub(crate) fn is_suspect(&self, pixel: [f32; 2]) -> bool {
         self.asks_holes() && self.moves_near(pixel)
     }
 
-    /// How much say what the last frame shows at a raw pixel has in how the camera moved: as much as it is likely to stand still, 0 to 1.
+    /// Weight of a raw pixel of the last frame in the estimate of camera motion: its probability of being static.
     pub(crate) fn say(&self, [u, v]: [f32; 2]) -> f64 {
         let odds = self.surfaces.odds[self.rules.cells.at(u, v)];
         1.0 / (1.0 + libm::exp(f64::from(odds)))
     }
 
-    /// Whether a surface near a raw pixel moves.
     pub(super) fn moves_near(&self, pixel: [f32; 2]) -> bool {
         let odds = &self.surfaces.odds;
         self.near(pixel)
             .any(|row| odds[row].iter().any(|odds| *odds > MOVES))
     }
 
-    /// Whether most corners without depth near a raw pixel move, by their flow. Most such corners are beside a silhouette, on the background, and that is where
-    /// flow errs most: one alone tells nothing.
+    /// Whether most corners without depth near a raw pixel move, by their flow. Most such corners are on the background
+    /// beside a silhouette, where flow is least reliable, so one alone is no evidence.
     pub(super) fn hole_moves(&self, pixel: [f32; 2], votes: &Votes) -> bool {
         let (mut moving, mut all) = (0, 0);
         if votes.holes.is_empty() {
@@ -125,7 +126,6 @@ impl StaticFilter {
         all >= HOLE_VOTES && f64::from(moving) > HOLE_SHARE * f64::from(all)
     }
 
-    /// The cells near a raw pixel, by rows.
     fn near(&self, [u, v]: [f32; 2]) -> impl Iterator<Item = Range<usize>> {
         let Cells { width, height, .. } = self.rules.cells;
         let home = self.rules.cells.at(u, v);
@@ -137,7 +137,7 @@ impl StaticFilter {
             .map(move |y| y * width + columns.start..y * width + columns.end)
     }
 
-    /// The depth (m; 0: none) at a raw pixel or next to it, and of the cells around it the one at that depth.
+    /// The depth (m; 0: none) at or next to a raw pixel, and the surrounding cell with that depth.
     fn surface_at(
         &self,
         pixel: [f32; 2],
@@ -146,7 +146,7 @@ impl StaticFilter {
     ) -> (f32, Option<usize>) {
         let z = nearest_depth(image, pixel).unwrap_or(0.0);
         let home = self.rules.cells.at(pixel[0], pixel[1]);
-        // Of a cell's width the surface itself may slope by this much.
+        // Slope of a surface within a cell.
         let mut best = (0.05 + 0.03 * z, None);
         self.rules.cells.for_each_around(home, |cell| {
             let gap = (grid[cell] - z).abs() + if cell == home { 0.0 } else { 0.01 };
@@ -162,9 +162,9 @@ impl StaticFilter {
     }
 }
 
-/// The depth (m) of a raw pixel, else that of a neighbour: a corner on a silhouette has its depth on either side.
+/// The depth (m) of a raw pixel, else that of a neighbour: a corner on a silhouette may have depth on one side only.
 fn nearest_depth(image: &DepthImage, [u, v]: [f32; 2]) -> Option<f32> {
-    /// The pixel and its eight neighbours, px, those at its sides before those at its corners.
+    /// The pixel and its eight neighbours, px, adjacent ones before diagonal ones.
     const NEAR: [(i32, i32); 9] = [
         (0, 0),
         (-1, 0),

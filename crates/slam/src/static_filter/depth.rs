@@ -1,23 +1,25 @@
-//! D: which depth separates the object in a box from the background behind it: Algorithm 1 of the publication that preset `paper`
-//! follows (doi:10.1007/s11554-024-01527-4).
+//! Part D: the depth that separates an object in a box from the background: Algorithm 1 of the publication that preset
+//! `paper` follows (doi:10.1007/s11554-024-01527-4).
 
 use stillpoint_estimation::{Rng, ransac_iterations};
 
-/// Probability of drawing the best pair at least once, as is usual (Hartley, Zisserman, "Multiple View Geometry", 2004, section 4.7).
+/// Probability of drawing the best pair at least once, as is usual (Hartley, Zisserman, "Multiple View Geometry", 2004,
+/// section 4.7).
 const CONFIDENCE: f64 = 0.99;
-/// Draws at least and at most, numbers. Chosen: with ten, a lucky first draw does not end the search; 200 suffice where 15 % support the best pair.
+/// Minimum and maximum number of draws. Chosen: with ten, a lucky first draw does not end the search; 200 suffice where
+/// 15 % support the best pair.
 const ITERATIONS: (usize, usize) = (10, 200);
-/// Depths have two modes when the means of both sides of the best split are this many standard deviations apart (the D of Ashman, Bird, Zepf,
-/// "Detecting bimodality in astronomical datasets", 1994). A normal distribution cut in the middle gives 2.6, a uniform one 3.5; chosen above both.
+/// Depths are bimodal if the means of both sides of the best split are at least this many standard deviations apart
+/// (the D of Ashman, Bird, Zepf, "Detecting bimodality in astronomical datasets", 1994). A normal distribution cut in
+/// the middle gives 2.6, a uniform one 3.5; chosen above both.
 const MODES_APART: f64 = 4.0;
 
-/// The depth (m) beyond which features in a box are background; `None` when there are too few depths, or all are the same.
+/// The depth (m) beyond which features in a box are background; `None` if there are too few depths, or all are equal.
 ///
-/// Algorithm 1 of the published method: draw two features; each other one whose depth exceeds the mean of the three supports
-/// them; the mean depth of the supporters is their threshold. Of all draws that with most supporters wins, of equal ones the
-/// deeper.
+/// Algorithm 1 of the published method: draw two features; each other one whose depth exceeds the mean of the three
+/// supports them; the mean depth of the supporters is their threshold. The draw with most supporters wins, ties go to
+/// the deeper one.
 pub(super) fn threshold(depths: &[f64], mut rng: Rng) -> Option<f64> {
-    // Two to draw, and one to support them.
     if depths.len() < 3 {
         return None;
     }
@@ -44,13 +46,13 @@ pub(super) fn threshold(depths: &[f64], mut rng: Rng) -> Option<f64> {
     (best.0 > 0).then_some(best.1)
 }
 
-/// Whether depths (m) fall into two groups (Ashman's D at Otsu's split). Preset `adapted` leaves a box whole in which they do not, as
-/// there is no background in it; the published method asks no such thing.
+/// Whether depths (m) are bimodal (Ashman's D at Otsu's split). Preset `adapted` does not split unimodal boxes, which
+/// contain no background; not part of the published method.
 pub(super) fn has_two_modes(depths: &[f64]) -> bool {
     let mut sorted = depths.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     let n = sorted.len();
-    // A group of one in ten is the least that is called one.
+    // Minimum size of a group: one in ten.
     let least = (n / 10).max(2);
     let total: f64 = sorted.iter().sum();
     let squares: f64 = sorted.iter().map(|z| z * z).sum();
@@ -115,25 +117,25 @@ mod tests {
         assert!(threshold(&[1.0, 2.0, 3.0], stream(0)).is_some());
     }
 
-    /// The best of some draws is deep in a distribution that a single draw is all over.
+    /// The best of several draws lies near the top of the distribution of single draws.
     #[test]
     fn the_best_of_all_draws_is_kept() {
         let depths: Vec<f64> = (0..40).map(|i| 1.0 + 0.05 * f64::from(i)).collect();
-        // Of the two nearest: the mean of all others.
+        // For the two nearest: the mean of all others.
         let best = depths[2..].iter().sum::<f64>() / 38.0;
         let errors = (0..200).map(|s| threshold(&depths, stream(s)).unwrap() - best);
         let mut errors: Vec<f64> = errors.collect();
         errors.sort_by(f64::total_cmp);
         assert!(errors[0] > -1e-9);
-        // A draw by itself is off by half a metre in the median.
+        // A single draw has a median error of half a metre.
         let (median, most) = (errors[100], errors[190]);
         assert!(median < 0.25 && most < 0.45, "{median} {most}");
     }
 
     #[test]
     fn more_supporters_win_and_then_the_deeper_mean() {
-        // The two nearest features have the most supporters: all others. Fewer supporters are deeper ones, so a draw that
-        // misses the optimum ends deeper.
+        // The two nearest features have the most supporters: all others. With fewer supporters the threshold is deeper,
+        // so a draw that misses the optimum ends deeper.
         let depths = [1.0, 1.01, 1.02, 1.03, 1.04, 3.0, 3.01, 3.02, 3.03, 3.04];
         let best: f64 = depths[2..].iter().sum::<f64>() / 8.0;
         let found: Vec<f64> = (0..300)

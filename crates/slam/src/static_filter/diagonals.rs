@@ -1,19 +1,18 @@
-//! The cells of the image by diagonals, so that a sweep over them is computed in vectors.
+//! Cells ordered by diagonals, to vectorise a sweep over them.
 //!
-//! In a Gauss-Seidel sweep row by row each cell waits for the one on its left and the one above. All cells of a diagonal
-//! (`x + y` equal) have these on the diagonal before, so they are computed together: with the values of the sweep row by row, bit
-//! for bit, since each cell's own arithmetic stays the same.
+//! In a row-by-row Gauss-Seidel sweep each cell depends on its left and upper neighbours. For the cells of a diagonal
+//! (`x + y` constant) these lie on the previous diagonal, so they are computed together, with bit-identical results.
 
 use std::ops::Range;
 
-/// Where the cells are: a slot each, those of a diagonal next to each other, with one free slot around the image.
+/// Memory layout: one slot per cell, those of a diagonal adjacent, with a free slot around the image.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Diagonals {
     width: usize,
     height: usize,
 }
 
-/// Per slot the weight of each neighbour, 1 or 0, and the share of their sum that a cell takes over.
+/// Per slot: weight of each neighbour, 1 or 0, and the factor on their sum.
 #[derive(Default)]
 pub(super) struct Weights {
     pub(super) right: Vec<f32>,
@@ -24,7 +23,6 @@ pub(super) struct Weights {
 }
 
 impl Weights {
-    /// All zero.
     pub(super) fn reset(&mut self, layout: &Diagonals) {
         for slots in [
             &mut self.right,
@@ -44,24 +42,21 @@ impl Diagonals {
         Self { width, height }
     }
 
-    /// Number of slots.
     pub(super) fn slots(&self) -> usize {
         (self.width + self.height + 1) * self.stride()
     }
 
-    /// Slots from one cell to the next in its row.
+    /// Distance in slots between neighbours in a row.
     fn stride(&self) -> usize {
         self.height + 2
     }
 
-    /// The slots of the cells, row by row.
     pub(super) fn of_rows(self) -> impl Iterator<Item = usize> {
         let stride = self.stride();
         let first = move |y: usize| (y + 1) * (stride + 1);
         (0..self.height).flat_map(move |y| (0..self.width).map(move |x| first(y) + x * stride))
     }
 
-    /// The slots of the cells of a diagonal.
     fn diagonal(&self, d: usize) -> Range<usize> {
         let first = (d + 1).saturating_sub(self.width);
         let end = self.height.min(d + 1);
@@ -69,7 +64,7 @@ impl Diagonals {
         start + first..start + end
     }
 
-    /// One sweep there and one back of `x_i = clamp(own_i + share_i * sum of neighbours x_j)`, within +-`limit`.
+    /// One forward and one backward sweep of `x_i = clamp(own_i + share_i * sum of neighbours x_j)`, within +-`limit`.
     pub(super) fn sweep(&self, weights: &Weights, own: &[f32], values: &mut [f32], limit: f32) {
         if self.width == 0 || self.height == 0 {
             return;

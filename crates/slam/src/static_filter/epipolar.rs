@@ -1,5 +1,4 @@
-//! G: how far each feature is from its epipolar line, or where epipolar lines say nothing, from where a static scene would
-//! have it.
+//! Part G: distance of each feature from its epipolar line, or in degenerate cases from its position in a static scene.
 
 use super::semantic::Mover;
 use super::{FlowPair, FrameInput, rigid};
@@ -9,13 +8,15 @@ use stillpoint_estimation::{
 };
 use stillpoint_geometry::{Camera, Mat3};
 
-/// Pairs outside boxes that are enough to find the fundamental matrix from, a number. Chosen: seven times the seven of a sample.
+/// Minimum number of pairs outside boxes to estimate the fundamental matrix from them alone. Chosen: seven times the
+/// seven of a sample.
 const MIN_OUTSIDE: usize = 50;
-/// Standard deviation of a flow vector, px, for the test of degeneracy. Chosen: somewhat above the third of a pixel that flow errs by (decision 21).
+/// Standard deviation of a flow vector, px, for the test of degeneracy. Chosen: somewhat above the third of a pixel
+/// that flow errs by (decision 21).
 const SIGMA_PX: f64 = 0.5;
 
-/// Distance of each feature from its epipolar line, px; `None` without flow, and where the camera's motion defines no lines
-/// and the feature has no depth.
+/// Distance of each feature from its epipolar line, px; `None` without flow, and without depth if the camera's motion
+/// is degenerate.
 pub(super) fn distances(
     input: &FrameInput<'_>,
     camera: &Camera,
@@ -36,8 +37,8 @@ pub(super) fn distances(
     input.pairs.iter().zip(input.depths).map(distance).collect()
 }
 
-/// The fundamental matrix from the frame before to the present one, from pairs outside the boxes when there are enough;
-/// `None` when the motion is degenerate: too small, a rotation, or seen against one plane.
+/// Fundamental matrix from the last frame to this one, from pairs outside the boxes if there are enough; `None` if
+/// degenerate: motion too small, a pure rotation, or a planar scene.
 fn fundamental(input: &FrameInput<'_>, movers: &[Mover], seed: u64) -> Option<Mat3> {
     let _span = tracing::info_span!("epipolar").entered();
     let in_box = |[u, v]: [f32; 2]| {

@@ -1,26 +1,26 @@
-//! What flow says of a feature.
+//! Optical flow of a feature.
 
 use stillpoint_geometry::Vec2;
 
-/// A feature of the present frame and where it was in the frame before.
+/// A feature of the current frame and its position in the last frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FlowPair {
-    /// Raw pixel in the frame before.
+    /// Raw pixel in the last frame.
     pub(crate) before_raw: [f32; 2],
-    /// The same, undistorted, as exposed.
+    /// Likewise undistorted, as exposed.
     pub(crate) before_exposed: Vec2,
-    /// Undistorted pixel in the frame before, at its stamp.
+    /// Undistorted pixel in the last frame, at its stamp.
     pub(crate) before: Vec2,
-    /// Undistorted pixel in the present frame.
+    /// Undistorted pixel in the current frame.
     pub(crate) now: Vec2,
-    /// Standard deviation of the flow that is measured between both pixels, px.
+    /// Standard deviation of the measured flow, px.
     pub(crate) flow_sigma: f64,
-    /// Standard deviation of the unknown part of the shift by the rolling shutter, px.
+    /// Standard deviation of the uncompensated rolling-shutter displacement, px.
     pub(crate) shutter_sigma: f64,
 }
 
 impl FlowPair {
-    /// Standard deviation of the one pixel relative to the other, px.
+    /// Combined standard deviation, px.
     pub(crate) fn sigma(&self) -> f64 {
         libm::hypot(self.flow_sigma, self.shutter_sigma)
     }

@@ -1,4 +1,4 @@
-//! What the filter remembers of earlier frames: their coarse depth and where they were taken from.
+//! Earlier frames: their coarse depth and poses.
 
 use super::cells::CELL_PX;
 use super::surroundings::Surroundings;
@@ -10,11 +10,10 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{CoarseDepth, DepthImage, FrameId};
 use stillpoint_map::MapView;
 
-/// Frames are kept for comparison this long, s: the oldest of `AGES` (3 s) and the youngest (0.2 s) beyond it, as frames do not come at just these
-/// times.
+/// Duration of kept frames, s: the oldest of `AGES` (3 s) and the youngest (0.2 s) beyond it, as frames do not come at
+/// just these times.
 const SPAN: f64 = 3.2;
 
-/// A frame kept for later comparison.
 #[derive(Default)]
 pub(super) struct Snapshot {
     pub(super) frame: FrameId,
@@ -27,39 +26,38 @@ pub(super) struct Snapshot {
 }
 
 impl Snapshot {
-    /// The camera's pose at the colour stamp, in a view of the map.
+    /// Camera pose at the colour stamp, in a view of the map.
     pub(super) fn world_from_camera(&self, view: &MapView) -> Se3 {
         self.place.anchored.best_world_from_camera(view)
     }
 
-    /// The camera's pose at the exposure of the depth image, in a view of the map.
+    /// Camera pose at the exposure of the depth image, in a view of the map.
     pub(super) fn world_from_depth(&self, view: &MapView) -> Se3 {
         self.world_from_camera(view) * self.place.camera_from_depth
     }
 }
 
-/// Where a frame was taken from, as tracking found it.
+/// Poses at which a frame was captured.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CapturePose {
-    /// The camera's pose at the colour stamp, which follows every correction of the map.
+    /// Camera pose at the colour stamp, which follows corrections of the map.
     pub(crate) anchored: AnchoredPose,
-    /// The camera's motion between the exposures of the depth and the colour image.
+    /// Camera motion between the exposures of the depth and the colour image.
     pub(crate) camera_from_depth: Se3,
 }
 
-/// Frames that are not kept any more, whose memory new ones take.
+/// Dropped frames, whose memory is reused.
 #[derive(Default)]
 pub(super) struct Spent {
     snapshots: Vec<Arc<Snapshot>>,
     grids: Vec<Arc<CoarseDepth>>,
 }
 
-/// Frames whose memory is held, at most, a number: frames do not come evenly, so at times some leave before the next comes. Chosen: a quarter of a
-/// second at 30 Hz.
+/// Maximum number of dropped frames kept for their memory: with uneven frame times several may be dropped before the
+/// next arrives. Chosen: a quarter of a second at 30 Hz.
 const MOST_SPENT: usize = 8;
 
 impl Spent {
-    /// The coarse depth of a frame.
     pub(super) fn coarse(&mut self, depth: &DepthImage) -> Arc<CoarseDepth> {
         refill(self.grids.pop(), |grid| grid.rebuild(depth, CELL_PX))
     }
@@ -77,11 +75,11 @@ impl Spent {
     }
 }
 
-/// The frames of the last seconds, oldest first. A copy costs a pointer per frame.
+/// The frames of the last seconds, oldest first. Cloning costs a pointer per frame.
 #[derive(Clone, Default)]
 pub(super) struct History {
     frames: VecDeque<Arc<Snapshot>>,
-    /// The newest frame that is not kept any more.
+    /// The newest dropped frame.
     forgotten: Option<FrameId>,
 }
 
@@ -94,7 +92,7 @@ impl History {
         (moving, place): (impl Iterator<Item = bool>, &CapturePose),
         spent: &mut Spent,
     ) {
-        // A clock that jumps back makes everything remembered worthless for comparison by age.
+        // After the clock is set back, ages are meaningless.
         let jumped = self.last().is_some_and(|s| s.stamp >= stamp);
         let kept = |s: &Snapshot| !jumped && stamp - s.stamp <= SPAN;
         while let Some(old) = self.frames.pop_front_if(|s| !kept(s)) {
@@ -111,18 +109,16 @@ impl History {
             }));
     }
 
-    /// Lets go of all frames.
     pub(super) fn clear(&mut self) {
         self.frames.clear();
     }
 
-    /// Becomes a copy of another one, in its own memory.
     pub(super) fn become_like(&mut self, other: &Self) {
         self.frames.clone_from(&other.frames);
         self.forgotten = other.forgotten;
     }
 
-    /// What is known of the last frame alone, as of one that was taken at `stamp` from `anchored`.
+    /// A history of the last frame only, relabelled as taken at `stamp` from `anchored`.
     pub(super) fn only_last(&self, frame: FrameId, stamp: f64, anchored: AnchoredPose) -> Self {
         let as_of = |s: &Snapshot| {
             Arc::new(Snapshot {
@@ -143,17 +139,15 @@ impl History {
         }
     }
 
-    /// The last frame.
     pub(super) fn last(&self) -> Option<&Snapshot> {
         self.frames.back().map(Arc::as_ref)
     }
 
-    /// Whether a frame is older than all that is remembered: then it is too late to ask for it.
+    /// Whether a frame is older than all kept ones.
     pub(super) fn forgot(&self, frame: FrameId) -> bool {
         self.forgotten.is_some_and(|last| frame <= last)
     }
 
-    /// A frame by its id, while it is remembered.
     pub(super) fn get(&self, frame: FrameId) -> Option<&Snapshot> {
         let i = self.frames.binary_search_by_key(&frame, |s| s.frame).ok()?;
         self.frames.get(i).map(Arc::as_ref)
@@ -230,7 +224,7 @@ mod tests {
         for (stamp, age) in found.iter().zip(ages) {
             assert!(*stamp <= now - age && now - age - stamp < 1.0 / 30.0 + 1e-9);
         }
-        // Nothing is old enough, or one frame stands for several ages.
+        // No frame is old enough, or one frame matches several ages.
         assert!(stamps(&history, now, &[3.1]).is_empty());
         assert_eq!(stamps(&history, now, &[2.99, 2.995]), [0.0]);
         assert!(stamps(&History::default(), now, &ages).is_empty());
@@ -245,7 +239,7 @@ mod tests {
         let oldest = history.frames.front().unwrap().frame.0;
         assert!(history.forgot(FrameId(0)) && history.forgot(FrameId(oldest - 1)));
         assert!(!history.forgot(FrameId(oldest)) && !history.forgot(FrameId(999)));
-        // After a long gap nothing else is left.
+        // After a long gap no other frame is left.
         push(&mut history, 300, newest + 10.0);
         assert_eq!(history.frames.len(), 1);
     }
@@ -257,7 +251,7 @@ mod tests {
         assert_eq!(history.frames.len(), 1);
         assert_eq!(history.last().unwrap().frame, FrameId(30));
         assert!(history.forgot(FrameId(29)) && !history.forgot(FrameId(30)));
-        // The same stamp again does, too: an age of zero compares a frame with itself.
+        // A repeated stamp resets as well: an age of zero would compare a frame with itself.
         push(&mut history, 31, 0.5);
         assert_eq!(history.frames.len(), 1);
         push(&mut history, 32, 0.6);

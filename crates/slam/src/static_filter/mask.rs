@@ -1,28 +1,27 @@
-//! The regions that move as an image: pixel by pixel, by the surface that each pixel shows.
+//! Pixel masks of moving regions.
 
 use super::outline::{STEP, Sample, Window, refine};
 use super::things::things;
 use super::{Segments, cells};
 use stillpoint_imaging::{CoarseDepth, DepthImage, GrayImage, RgbdFrame};
 
-/// What a mask holds where the scene moves, the largest number of 8 bits (docs/masks.md); 0 where it stands still.
+/// Mask value of moving pixels, the largest number of 8 bits (docs/masks.md); static ones are 0.
 const MOVING: u8 = 255;
-/// Cells around a region that its outline may reach into: 40 px, chosen above the sum of the filter's 20 px and the 10 px of somebody near who walks
-/// between depth and image.
+/// Margin of cells around a region that its outline may reach, cells: 40 px, chosen above the sum of the filter's 20 px
+/// and the 10 px of a near person who walks between depth and image.
 const MARGIN: usize = 5;
-/// Difference of depths by which a pixel's own cell is preferred to those around it, m: a Kinect's noise at 2 m (Khoshelham and Elberink, Sensors 2012).
+/// Depth difference by which a pixel's own cell is preferred to those around it, m: a Kinect's noise at 2 m (Khoshelham
+/// and Elberink, Sensors 2012).
 const OTHER: f32 = 0.01;
-/// Weight of a pixel whose surface is not known, beside 1 of the others, chosen: a region is not filled up by holes.
+/// Weight of a pixel without a known surface, relative to 1 of the others, chosen: holes do not fill a region.
 const UNKNOWN: f32 = 0.1;
 
 impl Segments {
-    /// An image of the frame's size: 255 where the scene moves, 0 where it stands still or nothing is known. The frame is that which
-    /// the regions are of.
+    /// Mask of `frame`, of which these are the segments: 255 where the scene moves, 0 where it is static or unknown.
     ///
-    /// A pixel belongs to the cell around it whose depth is nearest to its own, so that the border of the mask is that of the
-    /// surface and not that of cells. A pixel without depth belongs to the cell that it lies in. The border is then brought to the
-    /// edges of the image and made smooth, by a guided filter. A region that nothing sets apart from the surface around it is a part of
-    /// a wall, and is left out.
+    /// A pixel belongs to the neighbouring cell whose depth is nearest to its own; without depth, to the cell that it
+    /// lies in. A guided filter then aligns the outline with image edges and smooths it. A region that is not separated
+    /// from the surface around it is part of a wall, and is omitted.
     #[must_use]
     pub fn mask(&self, frame: &RgbdFrame) -> GrayImage {
         let depth = &frame.depth;
@@ -31,7 +30,7 @@ impl Segments {
             return mask;
         }
         let grid = cells::coarse(depth);
-        // Regions of an image of another size tell nothing of this one.
+        // Regions of an image of another size do not apply.
         if (self.width, self.labels.len()) != (grid.width(), grid.data().len()) {
             return mask;
         }
@@ -52,12 +51,12 @@ impl Segments {
         mask
     }
 
-    /// The pixels around all cells of things; none where there are none.
+    /// The pixels around all cells of things; `None` if there are none.
     fn window(&self, things: &[bool], depth: &DepthImage) -> Option<Window> {
         let cells = || (0..things.len()).filter(|i| things[*i]);
         let range = |of: &dyn Fn(usize) -> usize, count: usize, end: usize| {
             let (first, last) = (cells().map(of).min()?, cells().map(of).max()?);
-            // What is left beyond the last whole cell belongs to it.
+            // Pixels beyond the last whole cell are included with it.
             let whole = last + 1 + MARGIN >= count;
             let end = if whole {
                 end
@@ -72,7 +71,7 @@ impl Segments {
         })
     }
 
-    /// What depth says of the samples of a window.
+    /// Weights from depth for the samples of a window.
     fn rough(
         &self,
         things: &[bool],
@@ -111,21 +110,20 @@ impl Segments {
         samples
     }
 
-    /// The cell that a pixel lies in; none in what is left beyond the last whole cell.
+    /// The cell of a pixel; `None` beyond the last whole cell.
     fn home(&self, (x, y): (usize, usize)) -> Option<usize> {
         let (i, j) = (x / self.cell_px, y / self.cell_px);
         (i < self.width && j < self.height).then_some(j * self.width + i)
     }
 
-    /// The cells around one, itself among them.
     fn around(&self, (i, j): (usize, usize)) -> impl Iterator<Item = usize> {
         let range = |v: usize, end: usize| v.saturating_sub(1)..(v + 2).min(end);
         let (columns, width) = (range(i, self.width), self.width);
         range(j, self.height).flat_map(move |j| columns.clone().map(move |i| j * width + i))
     }
 
-    /// The cell whose surface a pixel of depth `z` shows, given the cell that it lies in and a pixel of that; none without depth, and where it is none of those
-    /// around it.
+    /// The cell whose surface a pixel of depth `z` shows, given a pixel in its cell and the cell `home`; `None` without
+    /// depth, or if no neighbouring cell matches.
     fn surface_of(
         &self,
         pixel: (usize, usize),
@@ -138,11 +136,11 @@ impl Segments {
         if z <= 0.0 {
             return None;
         }
-        // No other is preferred to it.
+        // No other cell can be nearer after the penalty.
         if let Some(home) = home.filter(|h| depths[*h] > 0.0 && gap(*h) <= OTHER) {
             return Some(home);
         }
-        // Of a cell's width the surface itself may slope by this much.
+        // Slope of a surface within a cell.
         let mut nearest = (0.05 + 0.03 * z, None);
         for cell in self.around((pixel.0 / self.cell_px, pixel.1 / self.cell_px)) {
             let gap = gap(cell) + if Some(cell) == home { 0.0 } else { OTHER };
@@ -163,7 +161,7 @@ mod tests {
     const H: usize = 120;
     const CELLS: [usize; 2] = [20, 15];
 
-    /// Somebody round before a wall.
+    /// A round body in front of a wall.
     fn person(x: usize, y: usize) -> bool {
         let [dx, dy] = [x as f64 - 81.3, y as f64 - 58.7];
         dx * dx / (27.0 * 27.0) + dy * dy / (38.0 * 38.0) < 1.0
@@ -184,7 +182,7 @@ mod tests {
         }
     }
 
-    /// The regions of cells whose middles are chosen.
+    /// A region of all cells whose centres satisfy `chosen`.
     fn segments(chosen: impl Fn(usize, usize) -> bool) -> Segments {
         let middle = |i: usize| (i % CELLS[0] * 8 + 4, i / CELLS[0] * 8 + 4);
         let label = |i: usize| u16::from(chosen(middle(i).0, middle(i).1));
@@ -207,7 +205,7 @@ mod tests {
         let torn = |x: usize, y: usize| (x * 31 + y * 17).is_multiple_of(5);
         let depth = |x: usize, y: usize| match person(x, y) {
             true => 1.5,
-            // The shadow beside who is nearer to the camera than what is behind.
+            // Depth shadow beside the foreground.
             false if x < 81 && person(x + 6, y) => 0.0,
             false if torn(x, y) && person(x.saturating_sub(3), y) => 1.5,
             false => 3.0,
@@ -231,12 +229,12 @@ mod tests {
         };
         assert_eq!(masked(segments(person), |_, _| 3.0), 0);
         assert_eq!(masked(segments(|_, _| false), |_, _| 3.0), 0);
-        // Nor is what lies behind something.
+        // Likewise for a region behind something else.
         let behind = |x, y| if person(x, y) { 3.0 } else { 1.5 };
         assert_eq!(masked(segments(person), behind), 0);
         let before = |x, y| if person(x, y) { 1.5 } else { 3.0 };
         assert!(masked(segments(person), before) > 3000);
-        // What is too far to be measured sets apart as well.
+        // A background too far to be measured separates as well.
         let alone = |x: usize, y: usize| match person(x, y) {
             true => 1.4 + (x as f32 - 81.0) * (x as f32 - 81.0) / 3600.0,
             false => 0.0,

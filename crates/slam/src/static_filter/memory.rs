@@ -1,4 +1,4 @@
-//! Memory that judging a frame takes, used again from frame to frame: it holds nothing that is known.
+//! Buffers of the static filter, reused from frame to frame.
 
 use super::history::{History, Spent};
 use super::rigid::Votes;
@@ -6,7 +6,6 @@ use super::surfaces::{self, Surfaces};
 use super::{FeatureVerdict, StaticFilter};
 use std::sync::Arc;
 
-/// Memory for [`StaticFilter::judge`].
 #[derive(Default)]
 pub(crate) struct Memory {
     history: History,
@@ -18,7 +17,6 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// A copy of a filter.
     pub(super) fn copy(&mut self, filter: &StaticFilter) -> StaticFilter {
         let mut history = std::mem::take(&mut self.history);
         history.become_like(&filter.history);
@@ -35,11 +33,11 @@ impl Memory {
         }
     }
 
-    /// Takes a filter that nobody needs any more.
+    /// Takes the memory of a discarded filter.
     pub(crate) fn give(&mut self, filter: StaticFilter) {
         self.surfaces = Some(filter.surfaces);
         self.history = filter.history;
-        // What it shares with the history in its place has to be let go of.
+        // Releases frames shared with the current history.
         self.history.clear();
     }
 }

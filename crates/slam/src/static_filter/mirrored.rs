@@ -1,4 +1,4 @@
-//! The filter of a tracker that goes back in time.
+//! The filter for tracking backwards in time.
 
 use super::{Preset, StaticFilter, Unused};
 use crate::anchored_pose::AnchoredPose;
@@ -6,8 +6,8 @@ use std::sync::Arc;
 use stillpoint_imaging::FrameId;
 
 impl StaticFilter {
-    /// The filter for frames whose stamps run backwards from `stamp` on: it knows which surfaces of the last frame move. That frame is
-    /// known as `frame`, taken at `pose`.
+    /// The filter for frames whose stamps run backwards from `stamp`. Keeps which surfaces of the last frame move; that
+    /// frame is relabelled `frame`, taken at `pose`.
     pub(crate) fn mirrored(&self, frame: FrameId, stamp: f64, pose: AnchoredPose) -> Self {
         let mut mirrored = self.clone();
         mirrored.objects.forget();
@@ -20,7 +20,7 @@ impl StaticFilter {
         mirrored
     }
 
-    /// Whether it tells by surfaces what moves, and finds out in time who moves.
+    /// Whether the preset detects motion per surface, so that it learns in time which surfaces move.
     pub(crate) fn learns_who_moves(&self) -> bool {
         self.rules.config.preset == Preset::Default
     }

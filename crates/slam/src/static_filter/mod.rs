@@ -1,7 +1,7 @@
-//! The static filter: which features of a frame stand still.
+//! The static filter: decides which features of a frame are static.
 //!
-//! Answers per feature, with reasons, before the pose is measured from those that do. Owns the objects and what is
-//! remembered of earlier frames; does not move the camera or change the map.
+//! Gives a verdict with reasons per feature, before the pose is measured from the static ones. Owns the tracked objects
+//! and the history of frames.
 
 mod cells;
 mod config;
@@ -48,83 +48,79 @@ use stillpoint_imaging::{CoarseDepth, FrameId, RgbdFrame, workers};
 use stillpoint_map::{KeyframeData, MapView};
 use surfaces::{MOVES, Now, Surfaces};
 
-/// Features that are judged together, at least, a number as in matching (`SEARCHED_TOGETHER`). Chosen: less is not worth a thread.
+/// Minimum number of features per thread, as in matching (`SEARCHED_TOGETHER`). Chosen: less is not worth a thread.
 const JUDGED_TOGETHER: usize = 150;
 
-/// What the filter is given of a frame.
 pub(crate) struct FrameInput<'a> {
     pub(crate) frame: &'a RgbdFrame,
     pub(crate) view: &'a MapView,
-    /// Camera at the colour stamp, as well as it is known before the pose is measured.
+    /// Camera pose at the colour stamp, before the pose is measured.
     pub(crate) world_from_camera: Se3,
-    /// The camera's motion between the exposures of the depth and the colour image.
+    /// Camera motion between the exposures of the depth and the colour image.
     pub(crate) camera_from_depth: Se3,
-    /// Features: raw pixels.
     pub(crate) features: &'a [[f32; 2]],
-    /// Their depths, m; 0 where there is none.
+    /// Their depths, m; 0 if unknown.
     pub(crate) depths: &'a [f32],
-    /// Where they were in the frame before; empty when that is not known of any.
+    /// Their flow from the last frame; empty if not available at all.
     pub(crate) pairs: &'a [Option<FlowPair>],
-    /// The camera's motion back to the frame before.
     pub(crate) last_from_now: Se3,
-    /// Whether the camera's motion rests on little else than corners without depth. Then all of these corners are kept, even if they move: if the pose follows
-    /// a person who fills the view, they reveal it.
+    /// Whether the camera motion rests mainly on corners without depth. Then all of these are kept, even if they move:
+    /// if the pose follows a person who fills the view, they reveal it.
     pub(crate) few: bool,
 }
 
-/// What the filter says of a frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Judgement {
     pub(crate) verdicts: Arc<[FeatureVerdict]>,
     pub(crate) objects: Arc<[Object]>,
     pub(crate) segments: Segments,
-    /// Features that the starvation guard released.
+    /// Features released because too few static ones remained.
     pub(crate) released: u32,
 }
 
-/// Detections that were of no use.
+/// Counts of unusable detections.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Unused {
-    /// Answers about frames that the history does not reach back to any more.
+    /// For frames older than the history.
     pub(crate) too_late: u32,
-    /// Answers about frames that have no pose.
+    /// For frames without a pose.
     pub(crate) without_pose: u32,
 }
 
-/// Features of an earlier frame that turned out to lie on something that moves.
+/// Features of an earlier frame found to be on a moving object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Rejudged {
     pub(crate) frame: FrameId,
     pub(crate) features: Vec<u32>,
 }
 
-/// What stays the same in a run.
+/// The constant part.
 struct Rules {
     config: StaticFilterConfig,
     weights: MotionWeights,
-    /// How long objects are believed in that are not seen, s.
+    /// How long unseen objects are kept, s.
     coast: f64,
     camera: Camera,
     seed: u64,
     cells: Cells,
 }
 
-/// Tells what stands still, and remembers what it saw. A value: judging a frame gives the filter of the frame after, so that a pose
-/// that is tried and refused leaves nothing behind. A copy costs little, as what is large is shared.
+/// The filter's state, a value: judging a frame returns the state after it, so a rejected pose has no side effects.
+/// Clones are cheap, as large parts are shared.
 #[derive(Clone)]
 pub(crate) struct StaticFilter {
     rules: Arc<Rules>,
     objects: ObjectTracker,
-    /// Detections of the frame to come: they wait for its first pose.
+    /// Detections of the next frame, waiting for its first pose.
     waiting: Option<Detections>,
     unused: Unused,
-    /// Whether there is a detector: it answered.
+    /// Whether any detections have arrived.
     detected: bool,
     history: History,
     surfaces: Arc<Surfaces>,
-    /// The objects that may move in the frame judged last.
+    /// The objects that may move in the last judged frame.
     movers: Arc<[Mover]>,
-    /// The frame judged last, until its pose is known.
+    /// The last judged frame, until its pose is known.
     present: Option<(FrameId, f64, Arc<CoarseDepth>)>,
 }
 
@@ -155,22 +151,20 @@ impl StaticFilter {
         }
     }
 
-    /// Whether the filter makes use of flow.
     pub(crate) fn wants_flow(&self) -> bool {
         self.rules.config.preset != Preset::Off && self.rules.config.parts.geometry
     }
 
-    /// Whether flow tells it something only of features that have a depth.
+    /// Whether flow is useful only for features with depth.
     pub(crate) fn measures_flow_by_depth(&self) -> bool {
         self.rules.config.preset == Preset::Default
     }
 
-    /// Whether the filter makes use of detections.
     fn wants_detections(&self) -> bool {
         self.rules.config.preset != Preset::Off && self.rules.config.parts.objects
     }
 
-    /// Forgets what was seen so far, as it was seen in another frame of reference.
+    /// Resets after a change of the reference frame.
     pub(crate) fn forget(&mut self) {
         self.objects.forget();
         self.surfaces = Arc::new(Surfaces::new(&self.rules.cells));
@@ -179,12 +173,12 @@ impl StaticFilter {
         self.present = None;
     }
 
-    /// Forgets what is only known by its stamp, as the clock was set back. What is remembered of earlier frames goes with the next one.
+    /// Drops state that depends on stamps after the clock was set back. The history is dropped with the next frame.
     pub(crate) fn forget_times(&mut self) {
         self.objects.forget();
     }
 
-    /// Takes detections of the frame to come.
+    /// Takes detections of the next frame.
     pub(crate) fn receive(&mut self, detections: Detections) {
         if self.wants_detections() {
             self.detected = true;
@@ -192,14 +186,14 @@ impl StaticFilter {
         }
     }
 
-    /// Ends a frame, whatever became of it. Returns which detections came since the last frame and were of no use: those of a
-    /// frame that found no pose are none later either.
+    /// Ends a frame. Returns the detections since the last frame that could not be used; those of a frame without pose
+    /// are dropped.
     pub(crate) fn end_frame(&mut self) -> Unused {
         self.unused.without_pose += u32::from(self.waiting.take().is_some());
         std::mem::take(&mut self.unused)
     }
 
-    /// Judges the features of a frame. Returns what is said of them, and the filter of the frame after.
+    /// Judges the features of a frame. Returns the verdicts and the filter for the next frame.
     pub(crate) fn judge(&self, input: &FrameInput<'_>, memory: &mut Memory) -> (Judgement, Self) {
         let _span = tracing::info_span!("filter").entered();
         let mut next = memory.copy(self);
@@ -260,7 +254,7 @@ impl StaticFilter {
         judgement
     }
 
-    /// The objects that may move. Without D all that is in their boxes is theirs, whatever its depth.
+    /// The objects that may move. Without D an object has no depth range and holds everything in its box.
     fn movers(&self, objects: &[Object], stamp: f64) -> Vec<Mover> {
         let mut movers = semantic::movers(objects, &self.rules.weights, stamp, self.rules.coast);
         if !self.rules.config.parts.depth {
@@ -269,7 +263,7 @@ impl StaticFilter {
         movers
     }
 
-    /// Preset `default`: each feature moves with the surface that it lies on.
+    /// Preset `default`: verdicts from the surfaces that features lie on.
     fn judge_surfaces(
         &mut self,
         input: &FrameInput<'_>,
@@ -308,7 +302,7 @@ impl StaticFilter {
         });
     }
 
-    /// Keeps the frame just judged for later comparison, once its pose is known.
+    /// Adds the last judged frame to the history, once its pose is known.
     pub(crate) fn remember(&mut self, place: &CapturePose, memory: &mut Memory) {
         if let Some((frame, stamp, grid)) = self.present.take() {
             let moving = self.surfaces.motion.iter().map(|o| *o > MOVES);
@@ -318,8 +312,8 @@ impl StaticFilter {
         }
     }
 
-    /// Takes in detections of an earlier frame, and if that became a keyframe (`data`), judges its features again. `None` when
-    /// none of them moves.
+    /// Processes detections of an earlier frame. If it became a keyframe (`data`), returns its features that move;
+    /// `None` if there are none.
     pub(crate) fn take_late(
         &mut self,
         detections: &Detections,
@@ -356,7 +350,6 @@ impl StaticFilter {
         (0..data.len() as u32).filter(on_mover).collect()
     }
 
-    /// Counts what the flow of each feature says of the surface it lies on.
     fn count_rigid(&self, input: &FrameInput<'_>, votes: &mut Votes) {
         if !self.rules.config.parts.geometry {
             return votes.clear();
@@ -373,7 +366,7 @@ impl StaticFilter {
         }
     }
 
-    /// Tells the objects which part of their surface stands still.
+    /// Updates each object with the static share of its surface.
     fn measure_rigidity(&mut self, stamp: f64, grid: &CoarseDepth, movers: &[Mover]) {
         for m in movers {
             let [agreeing, tested] = standing::counts(m, movers, grid, &self.surfaces.evidence);

@@ -1,9 +1,9 @@
-//! The regions of a frame that move, as they leave the filter.
+//! Moving regions, as output of the filter.
 
 use super::{Preset, StaticFilter, cells};
 use std::sync::Arc;
 
-/// The depth-connected regions of a frame that move, by square cells of the raw image.
+/// The moving depth-connected regions of a frame, by square cells of the raw image.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Segments {
     /// Side of a cell, px: cell (i, j) covers the pixels from `(i * cell_px, j * cell_px)`.
@@ -12,14 +12,13 @@ pub struct Segments {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Number of the region of each cell, row by row, from 1; 0 for what stands still. Empty where the filter knows no regions.
+    /// Region of each cell, row by row, from 1; 0 if static. Empty if the preset has no regions.
     pub labels: Arc<[u16]>,
-    /// By the number of a region: whether a detector sees in it what moves by itself. Empty where it sees nobody.
+    /// By region: whether a detector sees a self-moving object in it. Empty if there is none.
     pub seen: Arc<[bool]>,
 }
 
 impl StaticFilter {
-    /// The regions of the last frame that move.
     pub(super) fn segments(&self) -> Segments {
         if self.rules.config.preset != Preset::Default {
             return Segments::default();
@@ -33,7 +32,7 @@ impl StaticFilter {
         }
     }
 
-    /// Of each region, by its number, whether most of it is what an object holds that may move. Nothing is allocated where none may.
+    /// By region, whether objects that may move hold most of it. Allocates nothing without such objects.
     fn seen(&self) -> Arc<[bool]> {
         let movers = || self.movers.iter().filter(|m| m.strength > 0.0);
         if movers().next().is_none() {

@@ -1,35 +1,35 @@
-//! Outlines of a rough mask, brought to the edges of the image and made smooth.
+//! Refines the outline of a rough mask to image edges, and smooths it.
 //!
-//! Sides are settled in samples of some pixels first ([`settle`]). Then the guided filter (He, Sun, Tang: Guided Image Filtering, TPAMI 2013) in its fast
-//! form (He, Sun: Fast Guided Filter, 2015) brings them to pixels: around each sample they are fitted as a line over the image's brightness,
-//! and the mean of all such lines is the answer. Where the image has an edge near that of the samples, the answer has its edge there; where it has none,
-//! the answer is the samples blurred, whose middle is a smooth curve. Of the methods that do so (joint bilateral upsampling, graph cuts) it is the
-//! simplest: means over boxes, which cost the same whatever their size.
+//! First, sides are settled in samples of several pixels ([`settle`]). Then a fast guided filter (He, Sun, Tang: Guided
+//! Image Filtering, TPAMI 2013; He, Sun: Fast Guided Filter, 2015) upsamples them: around each sample the mask is
+//! fitted as a linear function of brightness, and these functions are averaged. Near an image edge the outline follows
+//! it; elsewhere it is the contour of the blurred samples, a smooth curve. Simpler than alternatives (joint bilateral
+//! upsampling, graph cuts): box means with constant cost per pixel.
 
 use super::sides::settle;
 use std::ops::Range;
 use stillpoint_imaging::GrayImage;
 
-/// A sample is a square of so many pixels a side, px: half of a cell (`CELL_PX`).
+/// Side of a sample, px: half of a cell (`CELL_PX`).
 pub(super) const STEP: usize = 4;
-/// Lines are fitted over windows that reach so many samples to each side: 20 px in all, so that the edge of a surface is within reach of that of its
-/// cells, and nothing else is. Chosen: a cell to each side.
+/// Radius of the fitting windows, samples: 20 px in all, so that a surface's edge is within reach of its cells' edge,
+/// and little else. Chosen: a cell to each side.
 const REACH: usize = 2;
-/// Variance of brightness (of 0 to 1) below which it is taken for noise: that of steps of 20 grey levels of 255, (20 / 255)^2 / 4, chosen.
+/// Variance of brightness (0 to 1) below which it counts as noise: that of steps of 20 grey levels of 255, (20 / 255)^2
+/// / 4, chosen.
 const NOISE: f32 = 0.0016;
-/// The outline is the middle of the answer's mean over windows that reach so far, px, chosen: what is thinner than half of that is no thing.
+/// Radius of the final smoothing, px, chosen: objects are not thinner than half of that.
 const SMOOTH: usize = 2;
 
-/// What is known of a sample's pixels: sums over them.
+/// Sums over a sample's pixels.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sample {
-    /// Weights.
     pub(super) weight: f32,
     /// Weights of those in the mask.
     pub(super) inside: f32,
 }
 
-/// A rectangle of whole samples: columns and rows of the image.
+/// A rectangle of the image, in whole samples.
 #[derive(Clone, Debug)]
 pub(super) struct Window {
     pub(super) columns: Range<usize>,
@@ -41,13 +41,13 @@ impl Window {
         self.columns.len()
     }
 
-    /// Columns and rows of samples; a remainder at the end counts.
+    /// Columns and rows of samples, including a partial one at the end.
     pub(super) fn samples(&self) -> [usize; 2] {
         [&self.columns, &self.rows].map(|r| r.len().div_ceil(STEP))
     }
 }
 
-/// Whether each pixel of a window is in the refined mask, row by row. `rough` holds its samples.
+/// The refined mask of a window, row by row, from its samples `rough`.
 pub(super) fn refine(gray: &GrayImage, window: &Window, mut rough: Vec<Sample>) -> Vec<bool> {
     let [w, h] = window.samples();
     let brightness = brightness(gray, window);
@@ -87,7 +87,7 @@ pub(super) fn refine(gray: &GrayImage, window: &Window, mut rough: Vec<Sample>) 
     smoothed(&answer, width, &clear, w)
 }
 
-/// The samples around which all lines say the same, whatever the brightness: a half for inside, minus that for outside.
+/// Samples around which all fits agree regardless of brightness: 0.5 if inside, -0.5 if outside.
 fn clear(lines: &[[f32; 3]], width: usize) -> Vec<Option<f32>> {
     let side = |[slope, offset, _]: &[f32; 3]| {
         let sure = slope.abs() < 0.01 && offset.abs() > 0.49;
@@ -102,12 +102,12 @@ fn clear(lines: &[[f32; 3]], width: usize) -> Vec<Option<f32>> {
         .collect()
 }
 
-/// Whether the mean of the answers around each pixel is above 0; in samples that are clear, in rows of `samples`, it is the answer itself.
+/// Whether the mean of the values around each pixel is positive; samples that are clear keep their side.
 fn smoothed(answer: &[f32], width: usize, clear: &[Option<f32>], samples: usize) -> Vec<bool> {
     let height = answer.len() / width.max(1);
     let range = |v: usize, end: usize| v.saturating_sub(SMOOTH)..(v + SMOOTH + 1).min(end);
     let mut inside = vec![false; answer.len()];
-    // Columns are summed once for all pixels of a row; beyond its ends there is nothing.
+    // Column sums are shared by the pixels of a row; padding is zero.
     let mut sums = vec![0.0; width + 2 * SMOOTH];
     for (y, inside) in inside.chunks_exact_mut(width.max(1)).enumerate() {
         let clear = &clear[y / STEP * samples..][..samples];
@@ -132,7 +132,6 @@ fn smoothed(answer: &[f32], width: usize, clear: &[Option<f32>], samples: usize)
     inside
 }
 
-/// The mean brightness of each sample, 0 to 1.
 fn brightness(gray: &GrayImage, window: &Window) -> Vec<f32> {
     let [w, h] = window.samples();
     let mut means = Vec::with_capacity(w * h);
@@ -153,7 +152,7 @@ fn brightness(gray: &GrayImage, window: &Window) -> Vec<f32> {
     means
 }
 
-/// The line of each sample: slope, offset, and 1, so that sums of lines know how many they are of.
+/// The linear fit of each sample: slope, offset, and 1 for counting in sums.
 fn fit(brightness: &[f32], rough: &[Sample], width: usize) -> Vec<[f32; 3]> {
     let moments = brightness.iter().zip(rough).map(|(grey, s)| {
         let weighed = s.weight * grey;
@@ -169,7 +168,7 @@ fn fit(brightness: &[f32], rough: &[Sample], width: usize) -> Vec<[f32; 3]> {
     sums.into_iter().map(line).collect()
 }
 
-/// The two samples around a pixel, of `count`, and how much of the second is in it.
+/// The two samples around a pixel, of `count`, and the weight of the second.
 fn between(pixel: usize, count: usize) -> (usize, usize, f32) {
     let place = (pixel as f32 + 0.5) / STEP as f32 - 0.5;
     let first = place.max(0.0) as usize;
@@ -185,7 +184,7 @@ fn mix(a: &[f32; 3], b: &[f32; 3], share: f32) -> [f32; 3] {
     std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
 }
 
-/// The sums over the squares around each value, which reach so far to each side and are cut at the borders.
+/// Sums over the squares of radius `reach` around each value, cut at the borders.
 fn box_sums<const N: usize>(values: &[[f32; N]], width: usize, reach: usize) -> Vec<[f32; N]> {
     let rows: Vec<&[[f32; N]]> = values.chunks_exact(width.max(1)).collect();
     let mut columns = vec![[0.0; N]; width];

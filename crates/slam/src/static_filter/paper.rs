@@ -1,7 +1,7 @@
-//! Preset `paper`: objects, epipolar constraint and depth fused as published in "A real-time visual SLAM based on semantic
-//! information and geometric information in dynamic environment" (Journal of Real-Time Image Processing, 2024,
-//! doi:10.1007/s11554-024-01527-4), Algorithm 2. What it leaves open is settled in algorithm.md, section 15. Preset `adapted` differs
-//! in which boxes there are and in which of them are split, and in nothing else.
+//! Preset `paper`: objects, epipolar constraint and depth fused as published in "A real-time visual SLAM based on
+//! semantic information and geometric information in dynamic environment" (Journal of Real-Time Image Processing, 2024,
+//! doi:10.1007/s11554-024-01527-4), Algorithm 2. Gaps are filled in algorithm.md, section 15. Preset `adapted` differs
+//! only in which boxes there are and which are split.
 
 use super::semantic::{MOVER, Mover};
 use super::verdict::{FeatureVerdict, Reasons};
@@ -9,14 +9,12 @@ use super::{FrameInput, Preset, StaticFilterConfig, depth, epipolar};
 use stillpoint_estimation::{Purpose, address, rng};
 use stillpoint_geometry::Camera;
 
-/// A box with what its depths say.
 struct SplitBox<'a> {
     mover: &'a Mover,
     /// Features deeper than this are background, m.
     background_beyond: Option<f64>,
 }
 
-/// Judges each feature by itself.
 pub(super) fn judge(
     config: &StaticFilterConfig,
     input: &FrameInput<'_>,
@@ -46,7 +44,7 @@ pub(super) fn judge(
         .collect()
 }
 
-/// The depth that separates background from object in a box; `None` when the box is not split.
+/// The depth that separates background from object in a box; `None` if the box is not split.
 fn split(
     config: &StaticFilterConfig,
     input: &FrameInput<'_>,
@@ -111,7 +109,7 @@ fn decide(
     let off_line = distance.is_some_and(|d| weight * d >= config.epipolar_px);
     let split = config.parts.depth && weight >= config.split_weight;
     let by_depth = split && !background;
-    // Without depth and without a pair the class alone is left to decide.
+    // Without depth and flow only the class remains.
     let by_class = !split && distance.is_none() && weight >= MOVER;
     let dynamic = off_line || by_depth || by_class;
     for (given, reason) in [
@@ -127,7 +125,7 @@ fn decide(
         pixel,
         dynamic,
         reasons,
-        // Released in this order: low weights, background, near the line.
+        // Release order: low weights, background, near the line.
         risk: (10.0 * weight
             + if background { 0.0 } else { 5.0 }
             + distance.unwrap_or(0.0).min(4.0)) as f32,

@@ -1,38 +1,40 @@
-//! The rigid test of single features: did the flow take them where a static scene would have?
+//! The rigid test of single features: compares flow with that of a static scene.
 
 use super::cells::Cells;
 use super::{FlowPair, FrameInput};
 use stillpoint_geometry::{Camera, Se3, Vec2};
 
-/// A feature farther from where a static scene would have it than this moves, px: flow errs by a third of a pixel (decision 21), the pose before the
-/// filter and a rolling shutter by as much again. If the three are independent that is 0.58 px in all; chosen: 3.5 times that.
+/// Distance from the position in a static scene beyond which a feature moves, px: flow errs by a third of a pixel
+/// (decision 21), the pose before the filter and a rolling shutter by as much again. If the three are independent that
+/// is 0.58 px in all; chosen: 3.5 times that.
 const MOVING_PX: f64 = 2.0;
-/// A feature nearer than this agrees with a static scene, px: about twice the 0.58 px of `MOVING_PX`.
+/// Distance below which a feature is static, px: about twice the 0.58 px of `MOVING_PX`.
 const STATIC_PX: f64 = 1.2;
-/// A moving feature is this much farther than what is typical of the frame, a factor: the pose before the filter may be off by pixels. What is
-/// typical is the 30 % quantile; of distances by normal errors, one of 300 exceeds four times that (Rayleigh distribution).
+/// A moving feature exceeds the typical distance of the frame by this factor, since the pose before the filter may be
+/// off by pixels. The typical distance is the 30 % quantile; of distances by normal errors, one of 300 exceeds four
+/// times that (Rayleigh distribution).
 const EXCESS: f64 = 4.0;
-/// A moving feature is at least this many of its own standard deviations from its expected place in a static scene: one of 3000 is by chance (99.97 %
-/// quantile of a Rayleigh distribution).
+/// A moving feature is at least this many of its own standard deviations from its expected position: one of 3000 is by
+/// chance (99.97 % quantile of a Rayleigh distribution).
 const MOVING_SIGMAS: f64 = 4.0;
-/// A feature agrees with a static scene if it is less than this many of its own standard deviations from its expected place in that scene: 86 % of
-/// those that stand still are (Rayleigh distribution).
+/// A static feature is less than this many of its own standard deviations from its expected position: 86 % of static
+/// ones are (Rayleigh distribution).
 const STATIC_SIGMAS: f64 = 2.0;
-/// With this typical distance the flow of a frame counts half, px: the pose before the filter, or a shutter that was bent aside, is behind most of
-/// what seems to move then. Chosen: some three times the third of a pixel that flow errs by (decision 21).
+/// Typical distance at which the flow of a frame counts half, px: then an inaccurate pose or rolling shutter explains
+/// most apparent motion. Chosen: some three times the third of a pixel that flow errs by (decision 21).
 const HALF_CERTAIN_PX: f64 = 0.9;
-/// Where even the nearest features are farther than this, the camera's motion is in doubt rather than the scene, px. Chosen: three times the 1.5 px
-/// that flow errs by in blurred images (decision 23).
+/// Typical distance above which the camera's motion is in doubt rather than the scene, px. Chosen: three times the 1.5
+/// px that flow errs by in blurred images (decision 23).
 const MAX_TYPICAL_PX: f64 = 5.0;
 
-/// What one feature says of the surface it lies on.
+/// Vote of a feature on the surface it lies on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Vote {
     pub(super) cell: usize,
     pub(super) moving: bool,
 }
 
-/// How far a feature is from where a static scene would have it in the frame before, px; `None` without flow or depth.
+/// Distance of a feature from its position in a static scene, in the last frame, px; `None` without flow or depth.
 pub(super) fn distance_px(
     camera: &Camera,
     pair: &FlowPair,
@@ -50,14 +52,14 @@ pub(super) fn distance_px(
     Some((pair.before - expected).norm())
 }
 
-/// How far a feature of unknown depth is from where a static scene may have it in the frame before, px: from the part of its epipolar line that is at least
-/// this far from the camera; `None` where that is behind the camera.
+/// Likewise for a feature of unknown depth: distance from the segment of its epipolar line for depths from the minimum
+/// to infinity; `None` if that is behind the camera.
 pub(super) fn least_distance_px(
     camera: &Camera,
     pair: &FlowPair,
     last_from_now: &Se3,
 ) -> Option<f64> {
-    /// Nothing is seen nearer, m: the default of `sensor.min_depth`.
+    /// Minimum depth, m: the default of `sensor.min_depth`.
     const NEAREST: f64 = 0.3;
     let ray = camera.backproject(pair.now, 1.0);
     let (near, far) = (
@@ -73,18 +75,16 @@ pub(super) fn least_distance_px(
     Some((to - at * along).norm())
 }
 
-/// What the flow of a frame says.
 #[derive(Clone, Debug)]
 pub(super) struct Votes {
-    /// Of the features that are clear.
+    /// Votes of features with a clear result.
     pub(super) votes: Vec<Vote>,
-    /// How far the camera's own motion is known well enough to tell, 0 to 1.
+    /// Reliability of the camera's motion, 0 to 1.
     pub(super) certainty: f32,
-    /// What is farther than this from where a static scene would have it moves, px; infinite while the camera's own motion is in doubt.
+    /// Distance beyond which a feature moves, px; infinite while the camera's motion is in doubt.
     pub(super) moving_px: f64,
-    /// Per cell, of features without depth: how many move by their flow, and all that have any. Empty where they are not asked.
+    /// Per cell, features without depth: number that move by their flow, and total with flow. Empty if not used.
     pub(super) holes: Vec<[u16; 2]>,
-    /// Distances that are known, in any order.
     known: Vec<f64>,
 }
 
@@ -101,7 +101,6 @@ impl Default for Votes {
 }
 
 impl Votes {
-    /// Nothing.
     pub(super) fn clear(&mut self) {
         self.votes.clear();
         self.certainty = 0.0;
@@ -109,8 +108,8 @@ impl Votes {
         self.holes.clear();
     }
 
-    /// Counts the votes of all features that are clear, none when the camera's own motion is in doubt. Each has a raw pixel, and with flow and
-    /// depth a distance and its standard deviation (px).
+    /// Counts the votes of all features with a clear result; none if the camera's motion is in doubt. A feature has a
+    /// raw pixel, a distance if flow and depth are known, and its standard deviation (px).
     pub(super) fn count<'a>(
         &mut self,
         cells: &Cells,
@@ -125,7 +124,8 @@ impl Votes {
         }
         let scale = EXCESS * typical;
         let (moving, still) = (MOVING_PX.max(scale), STATIC_PX.max(0.5 * scale));
-        // Of one corner the flow alone tells less than of a surface: not while the camera's own motion is half in doubt.
+        // The flow of a single corner is weaker evidence than that of a surface: unused while the camera's motion is
+        // uncertain.
         if typical <= HALF_CERTAIN_PX {
             self.moving_px = moving;
         }
@@ -143,7 +143,7 @@ impl Votes {
         self.certainty = (1.0 / (1.0 + doubt * doubt)) as f32;
     }
 
-    /// Counts the votes of the features without depth, after those of the others.
+    /// Counts the votes of features without depth; call after [`Votes::count`].
     pub(super) fn count_holes(&mut self, cells: &Cells, camera: &Camera, input: &FrameInput<'_>) {
         self.holes.resize(cells.count(), [0; 2]);
         let pairs = input.pairs.iter().zip(input.depths).enumerate();
@@ -156,7 +156,7 @@ impl Votes {
         }
     }
 
-    /// Whether the flow of a feature of unknown depth shows that it moves.
+    /// Whether the flow of a feature of unknown depth shows motion.
     pub(super) fn contradicts(&self, camera: &Camera, input: &FrameInput<'_>, i: usize) -> bool {
         let pair = input.pairs.get(i).and_then(Option::as_ref);
         pair.is_some_and(|pair| self.contradict(camera, pair, &input.last_from_now))
@@ -168,12 +168,13 @@ impl Votes {
     }
 }
 
-/// From which distance on a feature whose own standard deviation is known moves, px.
+/// Distance from which a feature with this standard deviation moves, px.
 fn least_moving(moving_px: f64, sigma: f64) -> f64 {
     moving_px.max(MOVING_SIGMAS * sigma)
 }
 
-/// The distance that three in ten features stay within, px: that of static ones, even when people are half of the image. Orders them.
+/// Typical distance, px: the 30 % quantile, that of static features even if people fill half of the image. Reorders the
+/// input.
 fn typical(known: &mut [f64]) -> f64 {
     if known.is_empty() {
         return 0.0;
@@ -201,12 +202,12 @@ mod tests {
         }
     }
 
-    /// Judges features with these distances (px), all in one row.
+    /// Votes of features with these distances (px), all in one row.
     fn judge(distances: &[Option<f64>]) -> Vec<Vote> {
         judge_with(distances, 0.1).votes
     }
 
-    /// The same with flow of a standard deviation, px.
+    /// Likewise for flow with a standard deviation, px.
     fn judge_with(distances: &[Option<f64>], sigma: f64) -> Votes {
         let pixels: Vec<[f32; 2]> = (0..distances.len())
             .map(|i| [(i % 640) as f32, 100.0])
@@ -249,7 +250,7 @@ mod tests {
             };
             let still = distance_px(&camera, &pair(before), z as f32, &last_from_now);
             assert!(still.unwrap() < 1e-3);
-            // It went 5 cm to the side.
+            // It moved 5 cm sideways.
             let aside = before + Vec3::new(0.05, 0.0, 0.0);
             let moved = distance_px(&camera, &pair(aside), z as f32, &last_from_now);
             let expected = camera.fx * 0.05 / before.z;
@@ -257,7 +258,7 @@ mod tests {
         }
     }
 
-    /// A feature seen along (x, y, 1) with what it does between two frames.
+    /// A feature seen along (x, y, 1) at depth `z`, which moved by `moves` between two frames.
     fn pair_of(last_from_now: &Se3, ray: Vec3, z: f64, moves: Vec3) -> FlowPair {
         let camera = camera();
         let before = camera.project(&(last_from_now.transform(&(z * ray)) + moves));
@@ -272,7 +273,7 @@ mod tests {
     }
 
     proptest! {
-        /// The least distance is that of the best depth: 0 for what stands still, and never more than that of any depth.
+        /// The minimum distance is that of the best depth: 0 for a static feature, and at most that of any depth.
         #[test]
         fn of_unknown_depth_the_best_counts(
             x in -0.5..0.5_f64, y in -0.4..0.4_f64, z in 0.35..8.0_f64, other in 0.35..8.0_f64,
@@ -300,14 +301,14 @@ mod tests {
             votes.contradict(&camera(), &pair, &pose)
         };
         assert!(contradicts(&votes, [0.0, 0.02, 0.0]));
-        // Against the camera's motion he would be behind it, or nearer than anything is.
+        // Motion against the camera's would put it behind the camera or implausibly near.
         assert!(contradicts(&votes, [-0.05, 0.0, 0.0]));
         assert!(
             !contradicts(&votes, [0.01, 0.0, 0.0]),
             "as something nearer"
         );
         assert!(!contradicts(&votes, [0.0; 3]));
-        // Where the camera's own motion is in doubt, nothing is contradicted.
+        // While the camera's motion is in doubt, no feature moves.
         let doubt = votes_of(&[[100.0, 100.0]; 9], &[Some(9.0); 9], 0.1);
         assert!(!contradicts(&doubt, [0.0, 0.02, 0.0]));
         assert!(!contradicts(&Votes::default(), [0.0, 0.02, 0.0]));
@@ -326,7 +327,7 @@ mod tests {
         let distance = |z, pose| distance_px(&camera(), &pair, z, &pose);
         assert_eq!(distance(0.0, Se3::identity()), None);
         assert!(distance(1.0, Se3::identity()).is_some());
-        // Nor is there one behind the camera.
+        // Points behind the camera have no distance either.
         let back = Se3::new(UnitQuaternion::identity(), Vec3::new(0.0, 0.0, -2.0));
         assert_eq!(distance(1.0, back), None);
     }
@@ -335,7 +336,7 @@ mod tests {
     fn clear_features_vote_and_others_do_not() {
         let votes = judge(&at(&[(60, 0.2), (20, 1.6), (20, 9.0)]));
         assert_eq!((votes.len(), moving(&votes)), (80, 20));
-        // Features without flow do not count at all.
+        // Features without flow do not count.
         let mut distances = at(&[(60, 0.2), (20, 9.0)]);
         distances.extend([None; 300]);
         let votes = judge(&distances);
@@ -362,16 +363,16 @@ mod tests {
     fn what_moves_is_measured_against_what_is_typical() {
         // With a good pose, 3 px are a motion.
         assert_eq!(moving(&judge(&at(&[(70, 0.2), (30, 3.0)]))), 30);
-        // When the whole image is off by a pixel, they are not, and 6 px still are.
+        // If the whole image is off by a pixel, they are not, but 6 px still are.
         assert_eq!(moving(&judge(&at(&[(70, 1.0), (30, 3.0)]))), 0);
         assert_eq!(moving(&judge(&at(&[(70, 1.0), (30, 6.0)]))), 30);
-        // People may be more than half of it.
+        // People may fill more than half of the image.
         assert_eq!(moving(&judge(&at(&[(40, 0.2), (60, 12.0)]))), 60);
     }
 
     #[test]
     fn with_the_camera_in_doubt_nothing_is_called_moving() {
-        // Nothing fits: the pose is wrong, not the world.
+        // All distances are large: the pose is wrong.
         assert_eq!(moving(&judge(&at(&[(100, 40.0)]))), 0);
         assert_eq!(moving(&judge(&at(&[(10, 0.2), (90, 40.0)]))), 0);
     }

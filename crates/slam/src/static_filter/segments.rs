@@ -1,13 +1,14 @@
-//! Depth-connected regions: what is known of one part of a surface holds for its neighbours.
+//! Depth-connected regions, over which evidence is spread.
 
 use super::cells::Cells;
 use super::diagonals::{Diagonals, Weights};
 
-/// Bound of the log odds of a cell, so that years of evidence can be overturned in a few frames. Chosen: two looks through a place (`SEEN_THROUGH`).
+/// Bound of a cell's log odds, so that years of evidence can be overturned in a few frames. Chosen: two observations
+/// through a place (`SEEN_THROUGH`).
 pub(super) const LIMIT: f32 = 8.0;
-/// How much of its neighbours' mean a cell takes over, a share. Chosen below 1, with which the sweeps converge.
+/// Share of its neighbours' mean that a cell takes over. Chosen below 1, with which the sweeps converge.
 const COUPLING: f32 = 0.9;
-/// Rounds of sweeping there and back, a number, chosen: enough to cross a person.
+/// Number of forward and backward sweeps, chosen: enough to cross a person.
 const SWEEPS: usize = 3;
 
 /// Share of the neighbours' sum that is taken over, by the number of joined neighbours: `COUPLING` over that number.
@@ -19,12 +20,12 @@ const SHARES: [f32; 5] = [
     COUPLING / 4.0,
 ];
 
-/// Whether the depths of two neighbouring cells, m, are of one surface.
+/// Whether the depths of two neighbouring cells, m, belong to one surface.
 pub(super) fn joined(a: f32, b: f32) -> bool {
     a > 0.0 && b > 0.0 && (a - b).abs() < 0.02 + 0.025 * a.min(b)
 }
 
-/// Which neighbours each cell is joined to.
+/// Connections between neighbouring cells.
 #[derive(Default)]
 pub(super) struct Links {
     /// By cell: bit 0 right, 1 below, 2 left, 3 above.
@@ -33,7 +34,7 @@ pub(super) struct Links {
     weights: Weights,
 }
 
-/// What spreading takes in memory: the cells' own values and those that spread, by slots.
+/// Buffers for spreading, by slots: the cells' own values and the spread ones.
 #[derive(Default)]
 pub(super) struct Slots {
     own: Vec<f32>,
@@ -41,7 +42,7 @@ pub(super) struct Slots {
 }
 
 impl Links {
-    /// Joins neighbours whose depths differ by less than a step.
+    /// Joins neighbours without a depth step.
     #[cfg(test)]
     pub(super) fn new(cells: &Cells, depth: &[f32]) -> Self {
         let mut links = Self::default();
@@ -49,7 +50,6 @@ impl Links {
         links
     }
 
-    /// The same, reusing the memory.
     pub(super) fn rebuild(&mut self, cells: &Cells, depth: &[f32]) {
         let (w, h) = (cells.width, cells.height);
         let bits = &mut self.bits;
@@ -82,8 +82,8 @@ impl Links {
         self.layout = layout;
     }
 
-    /// Spreads each cell's own value over the region it belongs to: solves
-    /// `x_i = clamp(own_i + COUPLING * mean of joined neighbours x_j)` by symmetric Gauss-Seidel sweeps.
+    /// Spreads each cell's value over its region: solves `x_i = clamp(own_i + COUPLING * mean of joined neighbours
+    /// x_j)` by symmetric Gauss-Seidel sweeps.
     pub(super) fn spread(&self, own: &[f32], slots: &mut Slots, out: &mut Vec<f32>) {
         for slots in [&mut slots.own, &mut slots.values] {
             slots.clear();
@@ -102,7 +102,7 @@ impl Links {
         out.extend(self.layout.of_rows().map(|slot| slots.values[slot]));
     }
 
-    /// Numbers the connected regions of chosen cells from 1, in the order of their first cells; 0 for all others.
+    /// Labels the connected regions of chosen cells from 1, in the order of their first cells; 0 for all others.
     pub(super) fn regions(
         &self,
         cells: &Cells,
@@ -178,7 +178,7 @@ mod tests {
         labels
     }
 
-    /// Numbers from -1 to 1, the same in every run.
+    /// Deterministic numbers from -1 to 1.
     fn noise(seed: u64) -> impl Fn(usize) -> f32 {
         move |i| {
             let mut x = (i as u64 + 1 + 1000 * seed).wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -187,7 +187,7 @@ mod tests {
         }
     }
 
-    /// A person of 6 x 12 cells at 1.5 m before a wall at 3 m.
+    /// A person of 6 x 12 cells at 1.5 m in front of a wall at 3 m.
     fn person(x: usize, y: usize) -> bool {
         (8..14).contains(&x) && (4..16).contains(&y)
     }
@@ -207,14 +207,14 @@ mod tests {
             assert_eq!(*label != 0, of_person(i));
         }
         assert!(regions(&links, |_| false).iter().all(|l| *l == 0));
-        // Everything chosen: a step in depth still separates.
+        // With all cells chosen, depth steps still separate regions.
         let all = regions(&links, |_| true);
         let first = (0..all.len()).find(|i| of_person(*i)).unwrap();
         let wall = (0..all.len()).find(|i| !of_person(*i)).unwrap();
         assert_ne!(all[first], all[wall]);
     }
 
-    /// The sweeps by diagonals are those row by row, bit for bit.
+    /// Diagonal sweeps equal row-by-row sweeps bit for bit.
     #[test]
     fn values_are_those_of_sweeps_row_by_row() {
         let cells = cells();
@@ -245,7 +245,7 @@ mod tests {
                     .zip(&expected)
                     .all(|(f, e)| f.to_bits() == e.to_bits())
             );
-            // The rows were not all apart: something did spread.
+            // Ensures that values did spread.
             assert!(found.iter().zip(&own).filter(|(f, o)| f != o).count() > W * H / 2);
         }
     }
@@ -260,7 +260,7 @@ mod tests {
                 assert!(v.abs() < f32::EPSILON, "cell {i}: {v}");
             }
         }
-        // The same values on one wall do leak: it is the step that stops them.
+        // On a single wall the same values do spread.
         let flat = spread(
             &image(|_, _| 1.5),
             &image(|x, y| f32::from(u8::from(person(x, y)))),
@@ -270,8 +270,7 @@ mod tests {
 
     #[test]
     fn slopes_belong_together_and_holes_to_nothing() {
-        // A floor from 1 m to 4 m: each row is 5 % or more farther than the last at the far end, 15 cm, so it falls apart;
-        // a table that recedes 2 % per cell does not.
+        // A table that recedes 2 % per cell stays connected.
         let table = image(|_, y| 1.0 + 0.02 * y as f32);
         let own = image(|x, y| f32::from(u8::from(x == 0 && y == 0)) * 8.0);
         assert!(spread(&table, &own)[(H - 1) * W] > 0.0);
@@ -300,7 +299,7 @@ mod tests {
 
     #[test]
     fn a_region_takes_over_the_sign_of_its_evidence() {
-        // One cell in five knows something, and some of these are a little wrong.
+        // One cell in five has evidence, some of it slightly wrong.
         let own = image(
             |x, y| match (person(x, y), (y * W + x) % 5, (y * W + x) % 45) {
                 (true, _, 20) => -0.5,
@@ -325,7 +324,7 @@ mod tests {
         for seed in 0..20 {
             let (d, e, f) = (noise(seed), noise(seed + 100), noise(seed + 200));
             let depth = image(|x, y| {
-                // Patches of some cells, with holes.
+                // Patches of several cells, with holes.
                 let step = d((y / 4) * W + x / 5);
                 if d(y * W + x) > 0.9 { 0.0 } else { 2.0 + step }
             });

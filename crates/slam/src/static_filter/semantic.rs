@@ -1,38 +1,38 @@
-//! O: objects of classes that move, as regions of the image with a range of depth.
+//! Part O: detected objects of moving classes, as image regions with a depth range.
 
 use stillpoint_detection::{BoundingBox, Motion, MotionWeights, Object, ObjectId, ObjectState};
 use stillpoint_imaging::CoarseDepth;
 
-/// Classes of at least this weight move by themselves; lighter things count when they were measured to move. Chosen: between the person (5) and the
-/// chair (3) of the publication behind preset `paper` (doi:10.1007/s11554-024-01527-4).
+/// Minimum weight of classes that move by themselves; lighter ones count only if measured to move. Chosen: between the
+/// person (5) and the chair (3) of the publication behind preset `paper` (doi:10.1007/s11554-024-01527-4).
 pub const MOVER: f64 = 4.0;
-/// Log odds of "moving" that a detector's word for a mover is worth: 12 to one. Chosen below the 4 of `SEEN_THROUGH`: a part of every box is
-/// background.
+/// Log odds of "moving" from the detection of a moving class: 12 to one. Chosen below the 4 of `SEEN_THROUGH`: a part
+/// of every box is background.
 const SEEN: f32 = 2.5;
-/// The same at the end of coasting: 2.7 to one. Chosen: what was not seen for so long is still more likely there than not.
+/// Log odds at the end of coasting: 2.7 to one. Chosen: an object unseen for that time is still more likely there than
+/// not.
 const COASTED: f32 = 1.0;
 
-/// An object as the filter sees it.
 #[derive(Clone, Debug)]
 pub(super) struct Mover {
     pub(super) id: ObjectId,
     pub(super) bounds: BoundingBox,
-    /// Nearest and farthest depth of its surface, m; none when it is not known.
+    /// Nearest and farthest depth of its surface, m, if known.
     pub(super) range: Option<[f32; 2]>,
     /// Motion weight of its class, 0 to 5.
     pub(super) weight: f64,
-    /// Log odds of "moving" that it lends to what it holds; 0 for things that only may move.
+    /// Log odds of "moving" for the surfaces it holds; 0 if it is not known to move.
     pub(super) strength: f32,
 }
 
 impl Mover {
-    /// Whether the object reaches to a raw pixel at depth `z` (m; 0: unknown, then the box decides).
+    /// Whether a raw pixel at depth `z` (m; 0: unknown, then only the box counts) belongs to the object.
     pub(super) fn holds(&self, u: f64, v: f64, z: f32) -> bool {
         self.bounds.contains(u, v)
             && (z <= 0.0 || self.range.is_none_or(|[near, far]| near <= z && z <= far))
     }
 
-    /// The cells that the box reaches into, with their middles (raw px).
+    /// The cells that overlap the box, with their centres (raw px).
     pub(super) fn cells(&self, grid: &CoarseDepth) -> impl Iterator<Item = (usize, [f64; 2])> {
         let (size, b) = (grid.cell() as f64, &self.bounds);
         let range = |from: f64, to: f64, count: usize| {
@@ -49,8 +49,8 @@ impl Mover {
         })
     }
 
-    /// Log odds of "moving" that the object lends to a surface at a raw pixel and depth `z` (m): most in the middle of the
-    /// box, where the object is; its corners hold what stands around it.
+    /// Log odds of "moving" at a raw pixel and depth `z` (m): largest in the centre of the box; its corners usually
+    /// show background.
     pub(super) fn odds(&self, u: f64, v: f64, z: f32) -> f32 {
         if self.strength <= 0.0 || !self.holds(u, v, z) {
             return 0.0;
@@ -64,7 +64,7 @@ impl Mover {
     }
 }
 
-/// The objects of classes that may move, as expected at `stamp`.
+/// The objects of classes that may move, as predicted at `stamp`.
 pub(super) fn movers(
     objects: &[Object],
     weights: &MotionWeights,
@@ -144,7 +144,7 @@ mod tests {
             assert!(odds < last && odds >= 0.0);
             last = odds;
         }
-        // People are longer than wide: head and feet count for more than what is beside them.
+        // People are tall: head and feet get more than the sides.
         assert!(person.odds(x, y + 100.0, 1.5) > person.odds(x + 100.0 / 3.0, y, 1.5));
         for (u, v) in [(99.0, y), (201.0, y), (x, 49.0), (x, 351.0)] {
             assert!(!person.holds(u, v, 1.5));
@@ -160,7 +160,7 @@ mod tests {
             assert_eq!(person.holds(x, y, z), held);
             assert_eq!(person.odds(x, y, z) > 0.0, held);
         }
-        // Where one of the two depths is unknown the box decides.
+        // If either depth is unknown the box decides.
         assert!(person.holds(x, y, 0.0));
         person.range = None;
         assert!(person.holds(x, y, 7.0));
@@ -186,7 +186,7 @@ mod tests {
         .unwrap();
         let [x, y] = BOX.centre();
         assert!(parked.odds(x, y, 1.5).abs() < f32::EPSILON);
-        // It is still known to be there: its features make no landmarks.
+        // It is still known: its features create no landmarks.
         assert!(parked.holds(x, y, 1.5) && parked.weight >= MOVER);
     }
 

@@ -1,44 +1,48 @@
-//! What a rough mask says near its border, and of where no depth is known: in the shadow beside a near surface, beyond the border of the depth image,
-//! on hair and dark clothes.
+//! Assigns a side of the mask to samples near its border and to those without depth: depth shadows, beyond the border
+//! of the depth image, hair, dark clothes.
 //!
-//! Depth is exposed at another time than the image, so the border of what moves lies some pixels beside its own. Samples near it, and those without
-//! depth, take the side of a sample that is surer, where a way costs what the image's brightness changes along it beside its length: so the sides meet
-//! where the image has its edge, and where it has none, halfway. Ways are found by raster scans, there and back (Criminisi, Sharp, Blake: GeoS: Geodesic Image
-//! Segmentation, ECCV 2008).
+//! Depth and colour are exposed at different times, so the border in depth is off by some pixels. Uncertain samples
+//! take the side of the certain sample with the cheapest path, where the cost is path length plus brightness changes
+//! along it: sides meet at image edges, or halfway without any. Paths are found by raster scans in both directions
+//! (Criminisi, Sharp, Blake: GeoS: Geodesic Image Segmentation, ECCV 2008).
 
 use super::outline::Sample;
 
-/// What a change of brightness by all that there is costs, samples: 2 grey levels of 255, which are noise, cost as much as one sample of way. Chosen.
+/// Path cost of a full brightness change, samples: 2 grey levels of 255, which are noise, cost as much as one sample of
+/// path. Chosen.
 const CHANGE: f32 = 128.0;
-/// So far from its border a side is sure, samples of 4 px. Chosen above the 10 px that somebody near walks in the 15 ms between depth and image (1.4
-/// m/s at 1 m; Bohannon 1997).
+/// Distance from its border at which a side is certain, samples of 4 px. Chosen above the 10 px that a near person
+/// walks in the 15 ms between depth and image (1.4 m/s at 1 m; Bohannon 1997).
 const BAND: f32 = 4.0;
-/// Cost of a side that depth names at its very border, and what a sample of way into it takes off: little enough to be overruled by the image, and
-/// enough for an arm that is nowhere far from its border. Chosen: at `BAND`, 12 of 30 are left.
+/// Initial path cost of a side from depth at its border, and reduction per sample of distance: low enough to be
+/// overruled by the image, and high enough for an arm that is nowhere far from its border. Chosen: at `BAND`, 12 of 30
+/// are left.
 const DOUBT: [f32; 2] = [30.0, 6.0];
-/// The middle of a thing is so far from its border, samples, at least; what has none is torn or a few pixels wide. Chosen: half of `BAND`.
+/// Minimum distance of a narrow object's centre line from its border, samples; thinner ones are fragments. Chosen: half
+/// of `BAND`.
 const NARROW: f32 = 2.0;
-/// Where there is no depth, ways that cost more lead nowhere, samples, chosen: a hole that is wider than a shadow belongs to nobody.
+/// Maximum path cost for samples without depth, samples, chosen: a hole wider than a shadow belongs to no object.
 const FAR: f32 = 40.0;
-/// Scans there and back, chosen: ways that turn more often are rare.
+/// Number of forward and backward scans, chosen: paths that turn more often are rare.
 const SCANS: usize = 2;
-/// Weight of a sample without depth, beside 1 of the others, chosen: three guesses count less than one that is measured.
+/// Weight of a sample without depth, relative to 1 of the others, chosen: three guesses count less than one measured
+/// sample.
 const GUESS: f32 = 0.3;
-/// Length of a way over a corner, samples: the diagonal of a square.
+/// Length of a diagonal step, samples: the diagonal of a square.
 const DIAGONAL: f32 = std::f32::consts::SQRT_2;
 
-/// The cheapest way from a sample to one whose side is sure, and which side that is.
+/// The cheapest path from a sample to a certain one, and the side of that.
 #[derive(Clone, Copy)]
 struct Way {
     cost: f32,
     inside: bool,
 }
 
-/// Settles the samples, in rows of `width`, given each one's brightness and the weight of one whose depth is known everywhere.
+/// Settles the samples, in rows of `width`, given their brightness and the weight of a sample with depth everywhere.
 pub(super) fn settle(samples: &mut [Sample], brightness: &[f32], width: usize, whole: f32) {
     let is_known = |s: &Sample| s.weight >= 0.5 * whole;
     let is_inside = |s: &Sample| is_known(s) && s.inside > 0.5 * s.weight;
-    // How far each sample is from what is inside, and from what is not.
+    // Distances of each sample from the inside and from the outside.
     let reach = |zero: bool| -> Vec<f32> {
         let start = |s: &Sample| {
             if is_inside(s) == zero {
@@ -60,7 +64,8 @@ pub(super) fn settle(samples: &mut [Sample], brightness: &[f32], width: usize, w
             },
         );
     }
-    // The middle of what is narrow is sure, too, and no nearer to the border than other sides are: else nothing would be left of it where the image has no edge.
+    // Centre lines of narrow objects are certain as well; otherwise such objects would vanish where the image has no
+    // edge.
     let is_middle = |i: usize| {
         let beside = [
             i.checked_sub(1),
@@ -103,7 +108,7 @@ pub(super) fn settle(samples: &mut [Sample], brightness: &[f32], width: usize, w
     }
     for (sample, way) in samples.iter_mut().zip(&ways) {
         let known = is_known(sample);
-        // What is as depth says keeps its share.
+        // Samples that keep their side from depth keep their share.
         if !known || way.inside != is_inside(sample) {
             let inside = way.inside && (known || way.cost <= FAR);
             sample.weight = if known { whole } else { GUESS * whole };
@@ -112,8 +117,8 @@ pub(super) fn settle(samples: &mut [Sample], brightness: &[f32], width: usize, w
     }
 }
 
-/// Calls `step` with every value that is not `settled` and each of its neighbours, the length of the way between, and the places of both: once there, with
-/// those before it, and once back, with those behind it.
+/// Calls `step` with every value that is not `settled` and each preceding neighbour, the distance between them, and
+/// both indices, in a forward and a backward scan.
 fn scan<T: Copy>(
     width: usize,
     values: &mut [T],
@@ -128,7 +133,7 @@ fn scan<T: Copy>(
         }
         let column = i % width;
         let (first, last) = (column == 0, column + 1 == width);
-        // Before it, or behind it in the same order, mirrored.
+        // Preceding neighbours in scan order; mirrored in the backward scan.
         let (start, end) = if back { (last, first) } else { (first, last) };
         let place = |back_by: usize| {
             let at = if back {

@@ -1,15 +1,17 @@
-//! Which part of an object's surface stands still.
+//! Static share of an object's surface.
 
 use super::semantic::{MOVER, Mover};
 use stillpoint_imaging::CoarseDepth;
 
-/// Surfaces of an object that were seen to stand still have at most these log odds from free space: what agreement with one frame of a third of a
-/// second ago gives (`MATCH_PER_SECOND`), chosen; section 14 of docs/algorithm.md.
+/// Log odds from free space below which a surface was seen to be static: the value of agreement with one frame of a
+/// third of a second ago (`MATCH_PER_SECOND`), chosen; section 14 of docs/algorithm.md.
 const STANDS_STILL: f32 = -1.5;
 
-/// How many of the cells that an object holds stand still, and of how many something is known. `evidence`: per cell, log odds of "moving" from free space.
+/// Numbers of static cells and of cells with evidence, among those that an object holds. `evidence`: per cell, log odds
+/// of "moving" from free space.
 ///
-/// What a person holds who passes before a thing says nothing of the thing, unless half of it or more is his: then he may carry it, and all counts.
+/// Cells shared with a person passing in front are excluded, unless they are half or more: then the person may carry
+/// the object.
 pub(super) fn counts(
     object: &Mover,
     movers: &[Mover],
@@ -62,7 +64,7 @@ mod tests {
         }
     }
 
-    /// Counts of a thing over all ten columns of cells, with a person over some of them who moves wherever he is.
+    /// Counts of an object over all ten columns of cells, with a moving person over some of them.
     fn beside(person: [f64; 2], weight: f64) -> [u32; 2] {
         let depth = DepthImage::from_vec(100, 100, vec![1.0; 100 * 100]).unwrap();
         let grid = CoarseDepth::new(&depth, CELL);

@@ -1,18 +1,17 @@
-//! What surrounds each cell of a frame, for the test of free space.
+//! Neighbourhood statistics of each cell, for the free-space test.
 
-/// What is in the 3x3 cells around each inner cell of a frame, so that most places are compared with it at one look.
+/// Statistics of the 3x3 cells around each inner cell, so that most places need a single comparison.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surroundings {
-    /// The least depth, m; infinite where there is none.
+    /// Minimum depth, m; infinite if none.
     pub(super) nearest: Vec<f32>,
-    /// The greatest depth of what was not found to move, m; 0 where there is none.
+    /// Maximum depth of static cells, m; 0 if none.
     pub(super) farthest_still: Vec<f32>,
-    /// How many of them have a depth.
     pub(super) valid: Vec<u8>,
 }
 
 impl Surroundings {
-    /// Of a frame with these depths, in rows of `width` cells, and what was found to move.
+    /// From the depths of a frame, in rows of `width` cells, and its moving cells.
     #[cfg(test)]
     pub(super) fn new(width: usize, depth: &[f32], moving: &[bool]) -> Self {
         let mut around = Self::default();
@@ -20,7 +19,6 @@ impl Surroundings {
         around
     }
 
-    /// The same, reusing the memory.
     pub(super) fn rebuild(&mut self, width: usize, depth: &[f32], moving: &[bool]) {
         let near = |i: usize| match depth[i] {
             z if z > 0.0 => z,
@@ -45,7 +43,7 @@ impl Surroundings {
     }
 }
 
-/// Folds the 3x3 values around each inner one; those at the border stay as they are.
+/// Folds the 3x3 values around each inner cell; border values are copied.
 fn over_three_by_three<T: Copy>(
     [width, count]: [usize; 2],
     value: impl Fn(usize) -> T,

@@ -1,4 +1,4 @@
-//! The stage as tracking uses it: a person at 1.5 m before a wall at 3 m, and what detections do at which time.
+//! The filter as used by tracking: a person at 1.5 m in front of a wall at 3 m, with detections at various times.
 
 use super::*;
 use crate::anchored_pose::AnchoredPose;
@@ -8,7 +8,7 @@ use stillpoint_geometry::Vec2;
 use stillpoint_imaging::{DepthImage, GrayImage};
 use stillpoint_map::KeyframeId;
 
-/// The person fills the middle of the box; left and right of it the box holds the wall.
+/// The person fills the centre of the box; left and right of it the box contains wall.
 const PERSON: std::ops::Range<usize> = 136..184;
 const BOX: BoundingBox = BoundingBox {
     x0: 119.5,
@@ -80,7 +80,7 @@ fn judge_frame(
     judgement
 }
 
-/// Judges a frame and finds its pose.
+/// Judges a frame and adds its pose.
 fn follow(filter: &mut StaticFilter, id: u32) -> Unused {
     judge(filter, id);
     filter.remember(
@@ -102,7 +102,7 @@ fn dynamic(judgement: &Judgement) -> Vec<bool> {
     judgement.verdicts.iter().map(|v| v.dynamic).collect()
 }
 
-/// No starvation guard: three corners are always few.
+/// Disables the release of features: three corners are always too few.
 fn config() -> Config {
     let mut config = Config::default();
     config.static_filter.min_features = 0;
@@ -116,16 +116,16 @@ fn detections_of_lost_frames_do_not_wait() {
         too_late: 0,
         without_pose: 1,
     };
-    // Tracking is lost: the filter is given detections and asked for nothing.
+    // Tracking is lost: the filter receives detections but judges no frame.
     for id in 0..300 {
         filter.receive(detections(id));
         assert_eq!(filter.end_frame(), unused, "frame {id}");
         assert!(filter.waiting.is_none(), "frame {id}");
     }
-    // What was said of lost frames is not said of the first one that is found.
+    // Detections of lost frames do not affect the next tracked one.
     assert!(judge(&mut filter, 300).objects.is_empty());
     assert_eq!(filter.end_frame(), Unused::default());
-    // Control: what is said of it counts.
+    // Control: its own detections do.
     filter.receive(detections(301));
     assert_eq!(judge(&mut filter, 301).objects.len(), 1);
     assert_eq!(filter.end_frame(), Unused::default());
@@ -136,7 +136,6 @@ fn detections_that_come_too_late_are_counted() {
     let mut filter = filter(&config());
     let view = MapView::default();
     for id in 0..200 {
-        // One frame is lost.
         if id != 150 {
             assert_eq!(follow(&mut filter, id), Unused::default());
         }
@@ -160,7 +159,7 @@ fn detections_that_come_too_late_are_counted() {
             "of frame {id}"
         );
     }
-    // A filter that takes no detections misses none.
+    // A filter that uses no detections counts none as unused.
     let mut deaf = config();
     deaf.static_filter.parts.objects = false;
     let mut filter = self::filter(&deaf);
@@ -180,13 +179,13 @@ fn without_depth_all_in_the_box_is_the_object() {
     }
 }
 
-/// Whom a detector sees has hardly any say in how the camera moved; the wall behind him has its own.
+/// Features on a detected person have hardly any weight in the camera motion; the wall behind keeps its weight.
 #[test]
 fn who_is_seen_has_hardly_any_say() {
     let say = |filter: &StaticFilter| CORNERS.map(|corner| filter.say(corner));
     let mut filter = filter(&config());
     follow(&mut filter, 0);
-    // Control: nobody is known of.
+    // Control: no people are detected.
     assert!(say(&filter).iter().all(|s| (0.4..=1.0).contains(s)));
     filter.receive(detections(1));
     follow(&mut filter, 1);
@@ -206,7 +205,7 @@ fn a_judgement_that_is_refused_leaves_nothing_behind() {
         follow(&mut filter, id);
     }
     filter.receive(detections(10));
-    // Tried from a pose that is a metre off: all surfaces seem to have moved, and the person is somewhere else.
+    // Judged with a pose that is 1 m off: all surfaces seem to move, and the person is elsewhere.
     let far = Se3 {
         translation: stillpoint_geometry::Vec3::new(0.0, 0.0, 1.0),
         ..Se3::identity()
@@ -234,11 +233,11 @@ fn a_judgement_that_is_refused_leaves_nothing_behind() {
     let (found, next) = filter.judge(&input(Se3::identity()), memory);
     assert_eq!(found.verdicts, expected.verdicts);
     assert_eq!(found.objects.len(), 1);
-    // The detections wait until a judgement that used them is kept.
+    // Detections remain until a judgement that used them is kept.
     assert!(filter.waiting.is_some() && next.waiting.is_none());
 }
 
-/// Corners on a person whose depth is missing, beside him, and where nobody is.
+/// Corners on a person without depth, beside the person, and far from any person.
 const DARK: [[f32; 2]; 10] = [
     [152.0, 120.0],
     [160.0, 124.0],
@@ -252,8 +251,8 @@ const DARK: [[f32; 2]; 10] = [
     [34.0, 112.0],
 ];
 
-/// Which of these move in the third frame of somebody whose dark clothes never had a depth, as nothing has at the image's left, while what of him has one
-/// turns. `flow`: what each does between two frames, px; none where that is not known.
+/// Which of these move in the third frame, for a turning person whose dark clothes never have depth; neither has the
+/// left of the image. `flow`: motion between two frames, px; `None` if unknown.
 fn dark_corners(flow: [Option<f64>; 10], few: bool, detector: bool) -> Vec<bool> {
     let clothes = |x: usize, y: usize| (145..175).contains(&x) && (100..200).contains(&y);
     let depth = (0..320 * 240).map(|i| match (i % 320, i / 320) {
@@ -318,7 +317,7 @@ fn dark_corners(flow: [Option<f64>; 10], few: bool, detector: bool) -> Vec<bool>
 fn dark_clothes_move_where_most_of_them_do_and_somebody_is_near() {
     let there = |moves: [bool; 10]| moves.to_vec();
     let [on, off] = [true, false];
-    // Where nobody is near, flow alone moves nothing.
+    // Far from people, flow alone is not enough.
     let all = [Some(6.0); 10];
     assert_eq!(
         dark_corners(all, false, false),
@@ -329,7 +328,7 @@ fn dark_clothes_move_where_most_of_them_do_and_somebody_is_near() {
         there([off; 10])
     );
     assert_eq!(dark_corners([None; 10], false, false), there([off; 10]));
-    // One that does otherwise is kept, and so is one that is alone with what it does.
+    // A corner that disagrees is kept, and so is one that moves alone.
     let [mut one, mut rest] = [[Some(0.1); 10], all];
     (one[2], rest[2]) = (Some(6.0), Some(0.1));
     assert_eq!(dark_corners(one, false, false), there([off; 10]));
@@ -337,8 +336,8 @@ fn dark_clothes_move_where_most_of_them_do_and_somebody_is_near() {
         dark_corners(rest, false, false),
         there([on, on, off, on, on, on, off, off, off, off])
     );
-    // Where little else tells how the camera moves, all are kept.
+    // If the camera motion rests on little else, all are kept.
     assert_eq!(dark_corners(all, true, false), there([off; 10]));
-    // A detector tells by itself.
+    // With a detector, flow of such corners is not used.
     assert_eq!(dark_corners(all, false, true), there([off; 10]));
 }

@@ -1,40 +1,43 @@
-//! Which regions are things. Walls, floors and tables are seen to move where they come out behind something, slide along themselves, or mirror.
+//! Selects the regions that are separate objects. Walls, floors and tables seem to move where they are uncovered, slide
+//! along themselves, or reflect.
 //!
-//! What a detector sees is a thing. Beyond the border of others the scene goes on farther away; what is flat may be a patch of a wall, unless it goes on farther away nearly all around.
+//! A region seen by a detector is an object. Others are if the scene beyond their border is farther away; flat ones,
+//! which may be patches of a wall, only if that holds for nearly all of the border.
 
 use super::Segments;
 use super::segments::joined;
 use stillpoint_geometry::nalgebra::{Matrix3, Vector3};
 use stillpoint_imaging::CoarseDepth;
 
-/// A hole of so many cells is what is too far to be measured; beyond a narrower one is what the surface beside it is compared with, as it is a
-/// shadow. Chosen: 48 px, which are 18 cm at 2 m.
+/// Width from which a hole in depth counts as far background, cells; a narrower one is a shadow, and the surface beyond
+/// it is compared. Chosen: 48 px, which are 18 cm at 2 m.
 const HOLE: usize = 6;
-/// Share of a region's border beyond which the scene goes on farther away, at least, and that of a flat one. It is two thirds of that of somebody who sits or
-/// stands behind something, and half of that of somebody of whom only a part is seen to move; two sides of a screen are half of its patch's.
+/// Minimum share of a region's border with farther background, and that of a flat region. Two thirds of the share of a
+/// person who sits or stands behind something, and half of that of a person who is only partly seen to move; two sides
+/// of a screen are half of its patch's border.
 const SET_APART: [f64; 2] = [0.35, 0.7];
-/// Depths deviate from a plane by this share of them (standard deviation) where a region is flat: 2 cm in 2 m. Bodies deviate by twice that.
+/// Standard deviation of depths from a plane, as a share, below which a region is flat: 2 cm in 2 m. Bodies deviate by
+/// twice that.
 const FLAT: f64 = 0.01;
-/// Inverse depths of a plane change evenly to within this, 1/m, and this share of their change: four standard deviations of a Kinect's, and the middle of
-/// a cell that is not where its depth was measured.
+/// Tolerance for inverse depths to change linearly, 1/m, plus this share of their change: four standard deviations of a
+/// Kinect's, and depth measured off the centre of a cell.
 const EVEN: [f32; 2] = [0.006, 0.3];
 
-/// What is known of a region.
 #[derive(Clone, Copy, Debug, Default)]
 struct Region {
-    /// Sides of cells along its border beyond which the scene is farther away, or so far that it has no depth.
+    /// Cell sides on the border beyond which the scene is farther away, or too far to have depth.
     farther: usize,
-    /// Those beyond which there is the same surface, or one before it.
+    /// Those beyond which there is the same surface, or a nearer one.
     others: usize,
-    /// Sums over its cells for the plane through them: of (x, y, 1) with itself, and with the inverse depth.
+    /// Sums for the plane fit: of (x, y, 1) with itself, and with the inverse depth.
     square: Matrix3<f64>,
     product: Vector3<f64>,
-    /// Squared deviations from the plane, as shares of the depth.
+    /// Sum of squared deviations from the plane, as shares of depth.
     deviation: f64,
 }
 
 impl Region {
-    /// Takes the depths of a cell at the border, of the one beside it, and of the one on its other side, m.
+    /// Adds a border cell's depth, that of the cell beyond the border, and that of the cell on its other side, m.
     fn meet(&mut self, here: f32, there: f32, before: f32) {
         let one = joined(here, there) || is_plane([before, here, there]);
         if !one && here > 0.0 && there > here {
@@ -52,7 +55,7 @@ impl Region {
     }
 }
 
-/// Whether the depths of three cells in a row, m, are those of a plane, however oblique: their inverses change evenly then.
+/// Whether the depths of three cells in a row, m, fit a plane of any slope: inverse depth is then linear.
 fn is_plane(depths: [f32; 3]) -> bool {
     let [before, here, there] = depths.map(f32::recip);
     let slope = (here - before).abs();
@@ -60,7 +63,7 @@ fn is_plane(depths: [f32; 3]) -> bool {
         && (here - before - (there - here)).abs() < EVEN[0] + EVEN[1] * slope
 }
 
-/// Which cells belong to a thing.
+/// Whether each cell belongs to an object.
 pub(super) fn things(segments: &Segments, grid: &CoarseDepth) -> Vec<bool> {
     let (labels, depth) = (&segments.labels, grid.data());
     let count = labels.iter().max().map_or(0, |l| usize::from(*l));
@@ -90,7 +93,7 @@ pub(super) fn things(segments: &Segments, grid: &CoarseDepth) -> Vec<bool> {
             }
         }
     }
-    // Where cells lie on a line, there is no plane through them, and they are as flat as can be.
+    // Collinear cells determine no plane, and count as flat.
     let plane = |r: &Region| Some(r.square.try_inverse()? * r.product);
     let planes: Vec<_> = regions.iter().map(plane).collect();
     for here in cells() {
@@ -109,7 +112,7 @@ pub(super) fn things(segments: &Segments, grid: &CoarseDepth) -> Vec<bool> {
     labels.iter().map(of).collect()
 }
 
-/// The cells that follow one in a direction, to the border of the image.
+/// The cells that follow one in a direction, up to the border of the image.
 fn along(segments: &Segments, cell: usize, [dx, dy]: [isize; 2]) -> impl Iterator<Item = usize> {
     let (width, height) = (segments.width, segments.height);
     let next = move |(x, y): &(usize, usize)| {
@@ -128,7 +131,7 @@ mod tests {
 
     const CELLS: [usize; 2] = [20, 15];
 
-    /// Whether any cell of a region is one of a thing, given the depths of cells and whether they belong to the region.
+    /// Whether a region is an object, given the depths of cells and the cells of the region.
     fn kept(depth: impl Fn(usize, usize) -> f32, region: impl Fn(usize, usize) -> bool) -> bool {
         let [w, h] = CELLS;
         let pixels = (0..64 * w * h).map(|i| depth(i % (8 * w) / 8, i / (8 * w) / 8));
@@ -145,7 +148,7 @@ mod tests {
         let grid = super::super::cells::coarse(&depth);
         let found = things(&segments, &grid);
         assert!((0..w * h).all(|i| !found[i] || segments.labels[i] > 0));
-        // What a detector sees is one, whatever it looks like.
+        // Regions seen by a detector are objects regardless of shape.
         let seen = Segments {
             seen: Arc::from([false, true]),
             ..segments
@@ -166,14 +169,14 @@ mod tests {
                 3.0
             }
         };
-        // A corner of a screen that stands, and a screen that is carried.
+        // A corner of a static screen, and a whole screen that is carried.
         let corner = |x: usize, y: usize| inside(x, y) && x < 12 && y < 8;
         assert!(!kept(screen, corner));
         assert!(kept(screen, inside));
-        // Of a body half may be seen to move.
+        // Half of a body may be seen to move.
         assert!(kept(round, corner));
         assert!(kept(round, inside));
-        // A floor, however oblique, and a wall behind a body.
+        // An oblique floor, and a wall behind a body.
         assert!(!kept(|_, y| 8.0 / (1 + y) as f32, corner));
         assert!(!kept(round, |x, y| !inside(x, y) && x < 9));
     }

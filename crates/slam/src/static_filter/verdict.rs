@@ -1,23 +1,23 @@
-//! Verdicts: what the filter says of each feature, and why.
+//! Verdicts on features, with reasons.
 
-/// Why a feature got its verdict: a set.
+/// Reasons of a verdict, a set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reasons(u16);
 
 impl Reasons {
-    /// In the box of an object of a class that moves.
+    /// In the box of an object of a moving class.
     pub const OBJECT: Self = Self(1);
     /// Off its epipolar line.
     pub const EPIPOLAR: Self = Self(1 << 1);
-    /// By its depth within the box: of the object when dynamic, of the background when static.
+    /// Depth within the box: of the object if dynamic, of the background if static.
     pub const DEPTH: Self = Self(1 << 2);
-    /// Breaks (when dynamic) or keeps (when static) the rigid motion of the scene.
+    /// Contradicts (if dynamic) or fits (if static) the rigid motion of the scene.
     pub const RIGID: Self = Self(1 << 3);
-    /// What was there in the frames before.
+    /// Motion in earlier frames.
     pub const AGE: Self = Self(1 << 4);
-    /// On an object that stands still: good for this pose, makes no landmark.
+    /// On a parked object: used for this pose, but creates no landmark.
     pub const PARKED: Self = Self(1 << 5);
-    /// Kept because too few others were left.
+    /// Kept because too few others remained.
     pub const RELEASED: Self = Self(1 << 6);
 
     const NAMES: [(Self, &'static str); 7] = [
@@ -36,7 +36,7 @@ impl Reasons {
         self.0 & other.0 == other.0
     }
 
-    /// No reason: nothing spoke against the feature.
+    /// Whether there are no reasons.
     #[must_use]
     pub fn is_empty(self) -> bool {
         self.0 == 0
@@ -57,7 +57,7 @@ impl std::ops::BitOrAssign for Reasons {
     }
 }
 
-/// Joined by `+`, e.g. `object+rigid`; empty when there is none.
+/// Joined by `+`, e.g. `object+rigid`; empty without reasons.
 impl std::fmt::Display for Reasons {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut first = true;
@@ -74,22 +74,22 @@ impl std::fmt::Display for Reasons {
     }
 }
 
-/// What the filter says of one feature.
+/// Verdict on one feature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeatureVerdict {
-    /// Where it is, raw px.
+    /// Raw pixel.
     pub pixel: [f32; 2],
-    /// Whether it is kept from tracking, mapping and loop closing.
+    /// Whether it is excluded from tracking, mapping and loop closing.
     pub dynamic: bool,
-    /// Why.
+    /// Reasons.
     pub reasons: Reasons,
-    /// Risk of keeping it, in log odds of "moving" or what the preset has in its place: the starvation guard releases the
-    /// lowest first.
+    /// Risk of keeping it, as log odds of "moving" or the preset's equivalent: features with the lowest risk are
+    /// released first.
     pub risk: f32,
 }
 
 impl FeatureVerdict {
-    /// Nothing speaks against the feature.
+    /// A static verdict without reasons.
     #[must_use]
     pub fn kept(pixel: [f32; 2]) -> Self {
         Self {
@@ -100,7 +100,7 @@ impl FeatureVerdict {
         }
     }
 
-    /// Brings the verdict to whether its pixel is in the mask of what moves. Reasons for the opposite are dropped.
+    /// Makes the verdict agree with the mask. Contrary reasons are dropped.
     pub(crate) fn follow(&mut self, moves: bool) {
         if self.dynamic != moves {
             self.dynamic = moves;
@@ -108,15 +108,15 @@ impl FeatureVerdict {
         }
     }
 
-    /// Whether the feature may become or confirm a landmark.
+    /// Whether the feature may create or confirm a landmark.
     #[must_use]
     pub fn may_map(&self) -> bool {
         !self.dynamic && !self.reasons.has(Reasons::PARKED) && !self.reasons.has(Reasons::RELEASED)
     }
 }
 
-/// Losing track is worse than a few bad points: when fewer than `enough` features are static, releases dynamic ones in the
-/// order of least risk until there are. Returns how many.
+/// With fewer than `enough` static features, releases dynamic ones in order of risk, since losing track is worse than a
+/// few outliers. Returns the number released.
 pub(super) fn release_when_starving(verdicts: &mut [FeatureVerdict], enough: usize) -> u32 {
     let kept = verdicts.iter().filter(|v| !v.dynamic).count();
     if kept >= enough {

@@ -1,9 +1,9 @@
-//! The rigid test of whole surfaces: was each cell's surface there before, or did earlier frames see through its place?
+//! The free-space test: whether each cell's surface was there in earlier frames, or these saw through its place.
 //!
-//! A cell of the present depth image is propagated into earlier frames by the camera's motion. Where the earlier depth agrees, the
-//! surface may have stood there all the time; where the earlier depth is farther, the place was empty, so the surface has
-//! moved; where it is nearer, the place was hidden and nothing is known. Agreement soon after says little, since slow
-//! things stay under the noise; seeing through is proof at any age. (docs/algorithm.md, free-space test.)
+//! A cell of the current depth image is reprojected into earlier frames. If the earlier depth agrees, the surface may
+//! have been static; if it is farther, the place was empty, so the surface has moved; if it is nearer, the place was
+//! occluded. Agreement with a recent frame is weak evidence, since slow motion stays below the noise; seeing through is
+//! proof at any age. (docs/algorithm.md, free-space test.)
 
 use super::cells::{Cells, NONE};
 use super::surroundings::Surroundings;
@@ -11,29 +11,31 @@ use std::array::from_fn;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::CoarseDepth;
 
-/// Evidence of one earlier frame against or for a cell, in log odds of "moving": 55 to one. Chosen: twice what agreement with another frame counts at
-/// most (`MATCH_LIMIT`). Without this evidence fr1_xyz_walkers has 14 times the error (decision 54).
+/// Log odds of "moving" from one earlier frame that saw through the place: 55 to one. Chosen: twice the maximum for
+/// agreement with another frame (`MATCH_LIMIT`). Without this evidence fr1_xyz_walkers has 14 times the error (decision
+/// 54).
 const SEEN_THROUGH: f32 = 4.0;
-/// Agreement with a frame `age` seconds earlier counts this much per second, log odds up to `MATCH_LIMIT`. Chosen: the limit is reached after 0.44 s,
-/// when a thing at 2 m and 0.17 m/s has left the tolerance of 7 cm.
+/// Log odds against moving from agreement with an earlier frame, per second of its age, log odds up to `MATCH_LIMIT`.
+/// Chosen: the limit is reached after 0.44 s, when an object at 2 m and 0.17 m/s has left the tolerance of 7 cm.
 const MATCH_PER_SECOND: f32 = 4.5;
-/// Most that agreement with one frame counts, log odds: half of `SEEN_THROUGH`, since another surface at the same depth agrees as well. Chosen.
+/// Maximum for agreement with one frame, log odds: half of `SEEN_THROUGH`, since another surface at the same depth
+/// agrees as well. Chosen.
 const MATCH_LIMIT: f32 = 2.0;
-/// Of the neighbours of the place in the earlier frame, this many must have depth to call it empty: the majority of 3x3 cells.
+/// Minimum number of neighbours with depth in the earlier frame to call a place empty: the majority of 3x3 cells.
 const MIN_VALID: u8 = 5;
 
-/// Cells that are moved together. Chosen: 16 numbers of single precision are whole vector registers, of 128 to 512 bits; the result is the same with
-/// any number.
+/// Cells per block. Chosen: 16 numbers of single precision are whole vector registers, of 128 to 512 bits; results do
+/// not depend on it.
 const LANES: usize = 16;
 
-/// An earlier frame's depth, with its pose at the depth image's stamp.
+/// Depth of an earlier frame, with its pose at the depth image's stamp.
 pub(super) struct Earlier<'a> {
     pub(super) grid: &'a CoarseDepth,
     /// Per cell, whether it was found to move.
     pub(super) moving: &'a [bool],
     pub(super) around: &'a Surroundings,
     pub(super) earlier_from_now: Se3,
-    /// Seconds ago.
+    /// Age, s.
     pub(super) age: f64,
 }
 
@@ -52,7 +54,7 @@ impl CellMotion {
         }
     }
 
-    /// The moved points at depths `z` (m) along rays (x/z, y/z).
+    /// Transforms the points at depths `z` (m) along rays (x/z, y/z).
     #[inline(always)]
     fn apply_all<const L: usize>(&self, u: &[f32; L], v: &[f32; L], z: &[f32; L]) -> [[f32; L]; 3] {
         let x: [f32; L] = from_fn(|l| u[l] * z[l]);
@@ -63,8 +65,8 @@ impl CellMotion {
         })
     }
 
-    /// Calls `f` for each cell from number `first` on, of which `depth` tells the depths, that has one and that this motion puts into a cell of
-    /// `table`: with its number less `first`, that cell, and its depth then (m).
+    /// Transforms the cells from index `first` on with depths `depth`. Calls `f(index - first, target cell, transformed
+    /// depth in m)` for each cell with depth that lands in a cell of `table`.
     #[inline(always)]
     pub(super) fn for_each(
         &self,
@@ -75,7 +77,7 @@ impl CellMotion {
     ) {
         let rays = cells.rays()[first..].chunks(LANES);
         for (block, (rays, depth)) in rays.zip(depth.chunks(LANES)).enumerate() {
-            // Whole blocks without a branch, so that they are computed in vectors.
+            // Branch-free blocks, for vectorisation.
             let (mut x, mut y, mut z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
             for (k, ([u, v], depth)) in rays.iter().zip(depth).enumerate() {
                 (x[k], y[k], z[k]) = (*u, *v, *depth);
@@ -92,7 +94,7 @@ impl CellMotion {
     }
 }
 
-/// Adds the evidence of one earlier frame to the log odds `evidence` of the cells from number `first` on.
+/// Adds the evidence of one earlier frame to the log odds `evidence` of the cells from index `first` on.
 pub(super) fn add_evidence(
     cells: &Cells,
     now: &CoarseDepth,
@@ -113,30 +115,30 @@ pub(super) fn add_evidence(
     );
 }
 
-/// What an earlier frame says of a place.
+/// Observation of a place by an earlier frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Seen {
-    /// It was empty.
+    /// The place was empty.
     Through,
     /// A surface was there.
     Same,
-    /// Something in front of it, or no depth.
+    /// Occluded, or no depth.
     Hidden,
 }
 
-/// Compares a depth with the 3x3 cells around its place. A surface that was moving then and is at the same depth is not the
-/// same thing standing still: large things overlap with where they were.
+/// Compares a depth with the 3x3 cells around its place. Surfaces that were moving then do not count as the same static
+/// one: large objects overlap with their earlier position.
 #[inline]
 fn compare(earlier: &Earlier<'_>, cells: &Cells, place: usize, z: f32) -> Seen {
     let (before, moving, around) = (earlier.grid.data(), earlier.moving, earlier.around);
     let (width, tolerance) = (cells.width, cells.depth_tolerance(z));
     let is_same = |i: usize| (before[i] > 0.0) & ((before[i] - z).abs() <= tolerance) & !moving[i];
-    // What is seen most by far, first.
+    // The most frequent case first.
     if is_same(place) {
         return Seen::Same;
     }
     let (nearest, farthest) = (around.nearest[place], around.farthest_still[place]);
-    // Where all of it is farther or what stood still is nearer, none of it can be the same.
+    // If all cells are farther, or all static ones nearer, none can be the same.
     let none_is_same = (nearest - z > tolerance) | (z - farthest > tolerance);
     let mut rows = [place - width, place, place + width].into_iter();
     if !none_is_same && rows.any(|row| (row - 1..=row + 1).any(is_same)) {
@@ -159,7 +161,7 @@ mod tests {
     const W: usize = 5;
     const PLACE: usize = 2 * W + 2;
 
-    /// As many cells as the tables below, of a sensor with so many times the noise of a Kinect.
+    /// A grid as large as the tables below, for a sensor with this noise scale.
     fn five_by_five(noise_scale: f64) -> Cells {
         let size = (W * super::super::cells::CELL_PX) as u32;
         let camera = Camera::pinhole(size, size, [40.0, 40.0, 19.5, 19.5]);
@@ -170,7 +172,7 @@ mod tests {
         Cells::new(&camera, sensor.noise())
     }
 
-    /// What the 3x3 cells around the place say, with a surface at 2 m now.
+    /// Result for 3x3 cells with these depths, with a surface at 2 m in the current frame.
     fn seen(around: [f32; 9], moving: [bool; 9]) -> Seen {
         seen_among(&five_by_five(1.0), around, moving)
     }
@@ -195,7 +197,6 @@ mod tests {
         found
     }
 
-    /// Cells with these depths.
     fn grid_of(depths: &[f32]) -> CoarseDepth {
         const CELL: usize = super::super::cells::CELL_PX;
         let pixel = |i: usize| depths[i / (W * CELL) / CELL * W + i % (W * CELL) / CELL];
@@ -204,7 +205,7 @@ mod tests {
         CoarseDepth::new(&DepthImage::from_vec(W * CELL, height, data).unwrap(), CELL)
     }
 
-    /// The comparison at 2 m by its definition, cell by cell.
+    /// Reference implementation of the comparison at 2 m.
     fn seen_as_defined((before, moving): (&[f32], &[bool]), tolerance: f32) -> Seen {
         let (mut valid, mut farther, mut same) = (0, 0, false);
         for row in [PLACE - W, PLACE, PLACE + W] {
@@ -233,12 +234,11 @@ mod tests {
                 x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
                 (x >> 33) as usize % n
             };
-            // Often of one side, as surfaces are.
+            // Mostly one-sided, as surfaces are.
             let (from, count) = (next(7), 1 + next(4));
             let around = std::array::from_fn(|_| depths[(from + next(count)).min(6)]);
             let one_in = 2 + next(9);
             let moving = std::array::from_fn(|_| next(one_in) == 0);
-            // Compares both.
             seen[seen_among(&cells, around, moving) as usize] += 1;
         }
         assert!(seen.iter().all(|n| *n > 200), "{seen:?}");
@@ -255,10 +255,10 @@ mod tests {
         assert_eq!(seen([3.0; 9], STILL), Seen::Through);
         assert_eq!(seen([2.0; 9], STILL), Seen::Same);
         assert_eq!(seen([1.0; 9], STILL), Seen::Hidden);
-        // One cell of the surface is enough: edges move by a cell.
+        // One matching cell suffices: edges move by a cell.
         assert_eq!(seen(with(2.0, 3.0, 1), STILL), Seen::Same);
         assert_eq!(seen(with(2.0, 1.0, 1), STILL), Seen::Same);
-        // Something in front may have hidden it, however little of it there is.
+        // A single nearer cell may have occluded it.
         assert_eq!(seen(with(1.0, 3.0, 1), STILL), Seen::Hidden);
     }
 
@@ -294,7 +294,7 @@ mod tests {
         assert_eq!(seen([2.0; 9], half), Seen::Same);
         // Nor does it prove that the place was empty.
         assert_eq!(seen(with(2.0, 3.0, 1), [true; 9]), Seen::Hidden);
-        // What was farther was seen through to, moving or not.
+        // A farther surface was seen regardless of its own motion.
         assert_eq!(seen([3.0; 9], [true; 9]), Seen::Through);
     }
 
@@ -309,7 +309,7 @@ mod tests {
         }
     }
 
-    /// A wall at `wall` m, and a person at 1.5 m where `person` says so.
+    /// A wall at `wall` m, and a person at 1.5 m in the columns of `person`.
     fn scene(wall: f32, person: impl Fn(usize) -> bool) -> CoarseDepth {
         let data = (0..320 * 240).map(|i| if person(i % 320) { 1.5 } else { wall });
         let image = DepthImage::from_vec(320, 240, data.collect()).unwrap();
@@ -337,7 +337,7 @@ mod tests {
             age,
         };
         add_evidence(&cells, now, &earlier, (0, &mut evidence));
-        // In two parts it is the same.
+        // Processing in two parts gives the same result.
         let (mut parts, middle) = (vec![0.0; cells.count()], cells.count() / 2 + 3);
         let (a, b) = parts.split_at_mut(middle);
         add_evidence(&cells, now, &earlier, (0, a));
@@ -371,18 +371,18 @@ mod tests {
     fn who_left_shows_what_he_hid() {
         let person = |x: usize| (128..192).contains(&x);
         let evidence = evidence(&scene(3.0, |_| false), &scene(3.0, person), 0.0, 1.0, false);
-        // The wall behind him is not new: nobody knows what was there.
+        // The uncovered wall is not new: its place was occluded before.
         let middle = 15 * 40 + 20;
         assert!(evidence[middle].abs() < f32::EPSILON);
     }
 
     #[test]
     fn the_cameras_motion_is_taken_out() {
-        // The wall is 30 cm nearer because the camera went there.
+        // The wall is 30 cm nearer because the camera moved.
         let (now, before) = (scene(2.7, |_| false), scene(3.0, |_| false));
         let middle = 15 * 40 + 20;
         assert!(evidence(&now, &before, 0.3, 1.0, false)[middle] < 0.0);
-        // Control: the same images from one place are a wall that came nearer.
+        // Control: without camera motion the wall has moved.
         assert!(evidence(&now, &before, 0.0, 1.0, false)[middle] > 0.0);
     }
 
@@ -393,7 +393,7 @@ mod tests {
         let at = |age, was_moving| evidence(&wall, &wall, 0.0, age, was_moving)[middle];
         assert!(at(0.2, false) > at(0.4, false));
         assert!((at(3.0, false) + MATCH_LIMIT).abs() < f32::EPSILON);
-        // A large thing that moves overlaps with where it was.
+        // A large moving object overlaps with its earlier position.
         assert!(at(0.2, true).abs() < f32::EPSILON);
         assert!(at(3.0, true).abs() < f32::EPSILON);
     }

@@ -2,7 +2,7 @@ use super::*;
 use stillpoint_detection::{DetectError, DetectorInfo, DetectorKind};
 use stillpoint_imaging::{DepthImage, GrayImage};
 
-/// A detector that notes which frames it was shown, and tells them in its remark.
+/// A detector that records its frames, and reports them in its remark.
 struct Witness(Vec<u32>);
 
 impl Detector for Witness {
@@ -24,7 +24,6 @@ impl Detector for Witness {
     }
 }
 
-/// A black frame.
 fn black(i: u32) -> RgbdFrame {
     RgbdFrame {
         id: FrameId(i),
@@ -36,8 +35,8 @@ fn black(i: u32) -> RgbdFrame {
     }
 }
 
-/// Runs ten black frames with the ids 7, 10, ..., 34; returns the frames that were looked at, and for each frame that
-/// detections reached, of which frame they were.
+/// Runs ten black frames with the ids 7, 10, ..., 34. Returns the frames processed by the detector, and for each frame
+/// that received detections their source frame.
 fn looked_at(stride: u32, delay: u32) -> (String, Vec<(u32, u32)>) {
     let mut config = Config::default();
     config.detector.stride = stride;
@@ -58,7 +57,7 @@ fn looked_at(stride: u32, delay: u32) -> (String, Vec<(u32, u32)>) {
     (seen.unwrap(), came)
 }
 
-/// The same frames, with what the caller saw in every third of them.
+/// The same frames, with the caller's detections in every third of them.
 #[test]
 fn what_the_caller_sees_takes_the_detectors_place_and_way() {
     let mut config = Config::default();
@@ -87,7 +86,7 @@ fn the_detector_looks_at_every_so_many_frames_of_the_run() {
     let looks = "[7, 19, 31]".to_owned();
     let at_once = vec![(7, 7), (19, 19), (31, 31)];
     assert_eq!(looked_at(4, 0), (looks.clone(), at_once));
-    // The answer to the last look is not there yet when the run ends.
+    // The run ends before the last detections are delivered.
     assert_eq!(looked_at(4, 3), (looks, vec![(16, 7), (28, 19)]));
     assert_eq!(looked_at(100, 2), ("[7]".to_owned(), vec![(13, 7)]));
 }

@@ -1,4 +1,4 @@
-//! Frames that give no pose: the camera is carried over them by what sensors beside it say.
+//! Propagates the pose over frames without visual pose, by odometry or gyroscope.
 
 use super::known::{GATE_POSE, Known};
 use super::outcome::Ending;
@@ -9,35 +9,36 @@ use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId};
 
-/// The direction is carried for so long at most, s: a bias that is known to 0.1 deg/s makes half a degree of it, which is as much as a stated mount
-/// is off by (decision 39).
+/// Maximum duration of propagation by gyroscope, s: a bias that is known to 0.1 deg/s makes half a degree of it, as
+/// much as a configured mount is off by (decision 39).
 const CARRIED_S: f64 = 5.0;
-/// Wheels carry place and direction for so long, s: some metres, that are known to a few per cent. Chosen: at 0.5 m/s a way of 15 m, of which an
-/// indoor robot's wheels make 0.3 m by their usual slip.
+/// Maximum duration of propagation by wheel odometry, s: some metres, that are known to a few per cent. Chosen: at 0.5
+/// m/s a path of 15 m, of which an indoor robot's wheels make 0.3 m by their usual slip.
 const WHEELED_S: f64 = 30.0;
-/// While nothing tells how the camera moves, its velocity is expected to be halved in this time, s: nobody walks on blindly. Chosen: after half a
-/// second, about a step, a tenth of it is left.
+/// Half-life of the camera's velocity without measurements, s: people do not walk on without seeing. Chosen: after half
+/// a second, about a step, a tenth of it is left.
 const HALVED_S: f64 = 0.15;
-/// After the camera was carried, motions of most of the image are not taken for the camera's for so long, s: with what is done within it, the
-/// direction after a blocked turn is off by 0.43 degrees instead of 1.57 (decision 39).
+/// Duration after propagation during which the motion of most of the image is not taken for the camera's, s: with it,
+/// the rotation after a turn with blocked view is off by 0.43 degrees instead of 1.57 (decision 39).
 const BLIND_S: f64 = 1.0;
-/// Within a second without sight a camera is carried by so much that nobody measured, m: one standard deviation. Chosen: a quarter of the 1.3 m/s
-/// that people walk at (Bohannon, Age and Ageing 1997).
+/// Uncertainty of the position after a second without measurements, m: one standard deviation. Chosen: a quarter of the
+/// 1.3 m/s that people walk at (Bohannon, Age and Ageing 1997).
 const BLIND_M_S: f64 = 0.3;
-/// What is not known of a place from which wheels carry, m: chosen, as much as two poses may differ by otherwise (`trust::SLACK_M`).
+/// Uncertainty of the position from which odometry propagates, m: chosen, the tolerance between two poses elsewhere
+/// (`trust::SLACK_M`).
 const PLACE_M: f64 = 0.02;
 
-/// The frames since the last one in which a pose was measured.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Carried {
     pub(super) since: FrameId,
-    /// By the frames' clock, s.
+    /// On the frames' clock, s.
     began: f64,
 }
 
 impl Tracker {
-    /// Carries the camera over a frame that gives no pose: by odometry, else its direction by the gyroscope, and its place as far as the few points tell that
-    /// stand still, else by what is left of its velocity. None where neither is confirmed, or it has been too long.
+    /// Propagates the pose over a frame without visual pose: by odometry; else the rotation by gyroscope, and the
+    /// position from the few static points or by decaying velocity. `None` without a confirmed sensor, or after too
+    /// long.
     pub(super) fn carry(
         &mut self,
         frame: &RgbdFrame,
@@ -57,7 +58,7 @@ impl Tracker {
             return None;
         }
         let reference = self.reference_of(last.pose.reference);
-        // Few points may be somebody's, and wheels are not.
+        // Few points may lie on a moving object; wheel odometry is safe from that.
         let camera_from_world = match (by_wheels, notes.bound.take()) {
             (Some(pose), _) => pose,
             (None, Some(vote)) => vote.camera_from_world,
@@ -84,18 +85,19 @@ impl Tracker {
         Some(self.accept_carried(frame, solution, carried.since))
     }
 
-    /// Whether so much of the view was blocked a moment ago that the camera had to be carried: what agrees then is somebody, as likely as not.
+    /// Whether the view was blocked recently, so that the pose had to be propagated. Matches that agree then may well
+    /// lie on a moving person.
     pub(super) fn was_blind(&self) -> bool {
         let now = self.front_end.clock.now();
         self.sensors.blind_at.is_some_and(|at| now - at < BLIND_S)
     }
 
-    /// The reference keyframe, as the newest view of the map has it.
+    /// The reference keyframe in the newest view of the map.
     fn reference_of(&self, id: KeyframeId) -> KeyframeId {
         self.map.view.resolve_keyframe(id).unwrap_or(id)
     }
 
-    /// Where the camera is `dt` seconds after the last pose if it turned so and slowed down.
+    /// The pose `dt` seconds after the last one, with the sensor's rotation and a decaying velocity.
     fn slowed(&self, known: &Known, dt: f64) -> Option<Se3> {
         let last = self.state.tracked()?;
         let turn = known.turn.later_from_earlier;
@@ -107,7 +109,8 @@ impl Tracker {
     }
 }
 
-/// What is known of a pose that was carried for so long, s: by what sensors know since the last frame, and since it began.
+/// Information of a pose propagated for `blind` seconds, from the sensors since the last frame (`known`) and since the
+/// beginning (`all`).
 fn blind_information(known: &Known, all: Option<&Known>, blind: f64) -> Mat6 {
     let wheels = all.and_then(|k| k.shift.map(|s| (s.sigma, k.turn.sigma)));
     let (place, direction) = match wheels {

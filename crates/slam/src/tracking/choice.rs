@@ -1,23 +1,23 @@
-//! Which of two votes of the flow is the camera's, where a sensor beside it knows how it moved.
+//! Chooses between two motion hypotheses from flow when a sensor constrains the motion.
 
 use super::vote::Vote;
 
-/// Which of two votes is the camera's: that of any motion, and that of motions which a sensor allows.
+/// The choice between the unconstrained vote and the vote bound to the sensor's motion.
 pub(super) struct Choice {
     pub(super) vote: Option<Vote>,
-    /// Whether what most of the image agrees on moves otherwise.
+    /// Whether the majority of the image contradicts the sensor.
     pub(super) against: bool,
 }
 
-/// A vote of motions that a sensor allows counts where at least this share of the other one's weight agrees with it, while it is not for the sensor
-/// to say which motion is the camera's. Somebody near moves, with a shift of his own, as nearly any turn says, and in a crowd somebody moves as
-/// wrongly mounted wheels say: with half of the weight these cost 56 and 177 mm at worst (decision 41), and scenes with such a gyroscope had 70 and
-/// 111 mm (decision 39).
+/// Minimum weight of the bound vote, as a share of the free vote's weight, while the sensor may not decide which motion
+/// is the camera's. Any rotation fits the flow of a near person with a suitable translation, and in a crowd a person
+/// moves as badly mounted wheels predict: with half of the weight these cost 56 and 177 mm at worst (decision 41), and
+/// scenes with such a gyroscope had 70 and 111 mm (decision 39).
 const SENSOR_SHARE: f64 = 0.9;
 
 impl Choice {
-    /// Takes the bound vote unless most of what is seen says otherwise and the sensor does not rule. `agrees`: whether the free one moves as the sensor
-    /// says.
+    /// Takes the bound vote, unless most of the image contradicts it and the sensor does not decide (`rules`).
+    /// `agrees`: whether the free vote moves as the sensor does.
     pub(super) fn between(
         free: Option<Vote>,
         bound: Option<Vote>,
@@ -25,7 +25,7 @@ impl Choice {
         rules: bool,
     ) -> Self {
         if agrees {
-            // Both are about the same motion, and the bound one is the more exact.
+            // Both describe the same motion; the bound one is more accurate.
             return Self {
                 vote: bound.or(free),
                 against: false,
@@ -33,11 +33,11 @@ impl Choice {
         }
         let share = |vote: &Option<Vote>| vote.as_ref().map_or(0.0, |v| v.share);
         let weak = share(&bound) < SENSOR_SHARE * share(&free);
-        // Where nobody moves otherwise, and not only because those who do have no say any more, there is no room beside a crowd that a sensor
-        // could speak for before it has ever proved right.
+        // If nearly all features agree on the free motion, not just those with weight, there is no static background
+        // beside a crowd for an unproven sensor to reveal.
         let is_alone = free.as_ref().is_some_and(Vote::is_of_nearly_all);
         let vote = match rules || !(weak || is_alone) {
-            // Which of the two it is, is not for matches by descriptor to say.
+            // Matches by descriptor must not overrule the choice.
             true => bound.map(|v| Vote { exact: true, ..v }),
             false => free,
         };
@@ -72,12 +72,12 @@ mod tests {
             assert!(choice.against);
             choice.vote.unwrap().is_bound
         };
-        // Somebody in a crowd moves as a wrongly mounted sensor says.
+        // A person in a crowd moves as a badly mounted sensor predicts.
         assert!(!takes_bound(0.5, false) && !takes_bound(0.7, false));
         assert!(takes_bound(0.75, false));
-        // One that has proved right says which motion is the camera's, whatever speaks for the other.
+        // A proven sensor decides regardless of the weights.
         assert!(takes_bound(0.2, true));
-        // Where nobody moves otherwise there is no room beside a crowd that it could speak for.
+        // Nearly all features agree, so the bound vote is not taken.
         let alone = Choice::between(vote(0.95, false), vote(0.9, true), false, false);
         assert!(!alone.vote.unwrap().is_bound);
     }

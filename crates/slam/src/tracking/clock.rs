@@ -1,34 +1,34 @@
-//! When frames were taken: sensors run at a steady rate, and stamps say when a frame arrived.
+//! Recovers exposure times: sensors run at a steady rate, while stamps give times of arrival.
 //!
-//! USB is asked for data every few milliseconds, and a frame waits for that: the stamps of a Kinect are 28, 32 and 40 ms apart in turn, where its
-//! frames are 33. A velocity over such an interval is wrong by a fifth, and with it where a rolling shutter and a late depth image saw
-//! things. Each stamp is brought to a straight line through the last ones; where they follow none, it is taken as it is. (docs/algorithm.md,
-//! the frames' clock.)
+//! USB polling delays frames: the stamps of a Kinect are 28, 32 and 40 ms apart in turn for frames of 33 ms. A velocity
+//! from such an interval is off by a fifth, and with it rolling-shutter and depth-delay corrections. Stamps are
+//! projected onto a straight line through the last ones, if they follow one. (docs/algorithm.md, the frames' clock.)
 
 use std::collections::VecDeque;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// Stamps through which the line is laid, at most: of 1.3 s at 30 Hz, so that what they err by is a third (2 / sqrt(n) at the end of a line), and
-/// that clocks drift makes nothing (decision 28).
+/// Maximum number of stamps in the line fit: 1.3 s at 30 Hz, so that its error is a third of a stamp's (2 / sqrt(n) at
+/// the end of a line), and clock drift is negligible (decision 28).
 const WINDOW: usize = 40;
-/// Fewer give no line, a number: two make one, and the third tells whether stamps lie on it.
+/// Minimum number of stamps of a line: two make one, and the third tests it.
 const LEAST: usize = 3;
-/// Stamps may be off the line by this share of the time between two frames, rms; who is farther off takes frames when he likes. Chosen: the polled
+/// Maximum deviation of stamps from the line for a steady sensor, share of the frame interval, rms. Chosen: the polled
 /// stamps of decision 28 (28, 32 and 40 ms apart at 30 Hz) are off by 0.09.
 const JITTER: f64 = 0.12;
-/// What is farther off than this share does not belong to the line: a new one begins. It is about three times [`JITTER`].
+/// Deviation of a single stamp at which a new line begins, share of the frame interval. It is about three times
+/// [`JITTER`].
 const BREAK: f64 = 0.35;
-/// Stamps that are off by less, rms, are those of the sensor's own clock, s: chosen, as a turn of 150 deg/s moves the image by 0.3 px meanwhile
-/// (f = 535 px).
+/// Deviation below which stamps are taken as exact, rms, s: chosen, as a turn of 150 deg/s moves the image by 0.3 px
+/// meanwhile (f = 535 px).
 const EXACT: f64 = 2e-4;
-/// After a gap of so many frames a new line begins: nobody knows how many frames it was to one. Chosen: a period that is wrong by 3.5 % makes it
-/// wrong by [`BREAK`].
+/// Gap in frames after which a new line begins, since its number of frames is uncertain. Chosen: a period that is wrong
+/// by 3.5 % makes it wrong by [`BREAK`].
 const GAP: f64 = 10.0;
-/// Frames whose times are remembered, a number: the newest and those before it that something is still asked of. Chosen: a first keyframe waits for
-/// one frame more (decision 43), and two are to spare.
+/// Number of frames whose times are kept. Chosen: a first keyframe waits for one frame more (decision 43), and two are
+/// to spare.
 const REMEMBERED: usize = 4;
 
-/// When the images of a frame were taken, s, on the clock of the stamps.
+/// Exposure times of a frame's images, s, on the clock of the stamps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Times {
     pub(super) colour: f64,
@@ -44,7 +44,6 @@ pub(super) struct FrameClock {
 }
 
 impl FrameClock {
-    /// Takes a frame.
     pub(super) fn take(&mut self, frame: &RgbdFrame) {
         let times = Times {
             colour: self.colour.take(frame.stamp),
@@ -56,7 +55,7 @@ impl FrameClock {
         }
     }
 
-    /// When a frame was taken: one of the newest, else as its stamps say.
+    /// Exposure times of a recent frame; other frames return their stamps.
     pub(super) fn times(&self, frame: &RgbdFrame) -> Times {
         let found = self.newest.iter().rev().find(|(id, _)| *id == frame.id);
         found.map_or(
@@ -68,12 +67,12 @@ impl FrameClock {
         )
     }
 
-    /// When the newest frame's colour image was taken, s.
+    /// Exposure time of the newest frame's colour image, s.
     pub(super) fn now(&self) -> f64 {
         self.newest.back().map_or(0.0, |(_, times)| times.colour)
     }
 
-    /// The clock of frames that come newest first, with stamps mirrored at `pivot`.
+    /// The clock for frames in reverse order, with stamps mirrored at `pivot`.
     pub(super) fn mirrored(&self, pivot: f64) -> Self {
         Self {
             colour: self.colour.mirrored(pivot),
@@ -83,18 +82,16 @@ impl FrameClock {
     }
 }
 
-/// The clock of one sensor.
 #[derive(Clone, Debug, Default)]
 struct SensorClock {
-    /// The newest stamps, s, with the number of the frame since the line began; of frames that are missing none.
+    /// The newest stamps, s, with frame numbers since the start of the line; missing frames are skipped.
     stamps: VecDeque<(f64, f64)>,
-    /// The line that was known before the first of them.
+    /// A line known in advance.
     known: Option<Line>,
-    /// Memory that is used again.
     gaps: Vec<f64>,
 }
 
-/// `start + period n` for frame n, s, and what the stamps are off it by, rms.
+/// `start + period n` for frame n, s, and the rms deviation of the stamps.
 #[derive(Clone, Copy, Debug)]
 struct Line {
     start: f64,
@@ -107,7 +104,7 @@ impl Line {
         self.sigma <= JITTER * self.period
     }
 
-    /// The time that is meant by a stamp on this line.
+    /// The time on this line for a stamp.
     fn nearest(&self, stamp: f64) -> f64 {
         if self.sigma < EXACT || !self.is_steady() {
             return stamp;
@@ -122,7 +119,7 @@ impl Line {
 }
 
 impl SensorClock {
-    /// When the image with this stamp was taken.
+    /// Exposure time of the image with this stamp.
     fn take(&mut self, stamp: f64) -> f64 {
         let number = self.number(stamp);
         if number == 0.0 {
@@ -142,7 +139,7 @@ impl SensorClock {
         if self.known.is_none()
             && (line.start + number * line.period - stamp).abs() > BREAK * line.period
         {
-            // Begins anew with this one.
+            // Restart the line with this stamp.
             self.stamps.clear();
             self.stamps.push_back((0.0, stamp));
             return stamp;
@@ -150,7 +147,7 @@ impl SensorClock {
         line.nearest(stamp)
     }
 
-    /// The number of the frame with this stamp; 0 where a line begins.
+    /// Number of the frame with this stamp; 0 if a line begins.
     fn number(&mut self, stamp: f64) -> f64 {
         let Some(&(last, before)) = self.stamps.back() else {
             return 0.0;
@@ -169,13 +166,13 @@ impl SensorClock {
         last + frames.max(1.0)
     }
 
-    /// The line of least squares; none of too few stamps.
+    /// The least-squares line; `None` with too few stamps.
     fn line(&self) -> Option<Line> {
         if self.stamps.len() < LEAST {
             return None;
         }
         let count = self.stamps.len() as f64;
-        // About the newest stamp, for the sake of the digits.
+        // Relative to the newest stamp, for precision.
         let (last, newest) = *self.stamps.back()?;
         let near = || self.stamps.iter().map(|(n, t)| (n - last, t - newest));
         let (mut n_sum, mut t_sum) = (0.0, 0.0);
@@ -195,12 +192,11 @@ impl SensorClock {
         Some(Line {
             start: newest + t_mean - period * (n_mean + last),
             period,
-            // Two of the stamps' numbers went into the line.
+            // Two degrees of freedom went into the line.
             sigma: (sum / (count - 2.0)).sqrt(),
         })
     }
 
-    /// The same clock for stamps mirrored at `pivot`.
     fn mirrored(&self, pivot: f64) -> Self {
         let mirror = |line: Line| Line {
             start: 2.0 * pivot - line.start,

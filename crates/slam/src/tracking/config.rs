@@ -1,4 +1,4 @@
-//! How poses are tracked.
+//! Settings of tracking.
 
 use super::keyframe::KeyframeConfig;
 use crate::sensor::SensorConfig;
@@ -7,31 +7,31 @@ use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 use stillpoint_features::OrbConfig;
 
-/// The part of the configuration that the tracker uses, made from a [`Config`](crate::Config).
+/// Settings of the tracker, made from a [`Config`](crate::Config).
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackerSetup {
-    /// How poses are tracked.
+    /// Settings of tracking.
     pub tracking: TrackingConfig,
     /// When a frame becomes a keyframe.
     pub keyframes: KeyframeConfig,
-    /// How features are extracted.
+    /// Feature extraction.
     pub features: OrbConfig,
     /// The depth sensor's range and noise.
     pub sensor: SensorConfig,
-    /// The setup of the static filter.
+    /// Settings of the static filter.
     pub filter: FilterSetup,
-    /// Seed of every random choice.
+    /// Seed of all random choices.
     pub seed: u64,
 }
 
-/// How poses are tracked.
+/// Settings of tracking.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrackingConfig {
-    /// A pose counts as measured with at least this many inliers. Range: 10 to 1000. Fewer agree by chance.
+    /// Minimum number of inliers of a measured pose. Range: 10 to 1000. Fewer may agree by chance.
     pub min_inliers: usize,
-    /// A new submap is begun after frames for so long, s, that show enough and nothing that is known. Range: 0.03 to 3600. Frames of a
-    /// covered lens do not count, and a frame stands for 0.1 s at most.
+    /// Duration of frames with enough features but no match to the map after which a new submap is started, s. Range:
+    /// 0.03 to 3600. Frames of a covered lens do not count, and each frame counts for at most 0.1 s.
     pub new_submap_seconds: f64,
 }
 
@@ -45,13 +45,14 @@ impl Default for TrackingConfig {
     }
 }
 
-/// A map begins with a frame of at least this many features with depth: a hundred points hold the next frame, and a blank wall with a poster on it
-/// does not begin one. The code of ORB-SLAM2 (Mur-Artal, Tardos 2017) asks for as many where a single camera begins a map.
+/// Minimum number of features with depth to start a map: a hundred points suffice for the next frame, and a blank wall
+/// with a poster does not start one. The code of ORB-SLAM2 (Mur-Artal, Tardos 2017) requires as many in monocular
+/// initialisation.
 pub(crate) const MIN_INITIAL_POINTS: usize = 100;
 
 impl TrackingConfig {
-    /// A camera that was lost is found again with at least this many inliers: two thirds more than tracking needs, as nothing else
-    /// speaks for the pose.
+    /// Minimum number of inliers to relocalise: two thirds more than for tracking, as there is no other evidence for
+    /// the pose.
     pub(crate) fn min_relocalisation_inliers(&self) -> usize {
         self.min_inliers * 5 / 3
     }

@@ -1,20 +1,20 @@
-//! How many keypoints the next image is asked for: more of them where few of the last ones held on to the map.
+//! Number of keypoints to extract from the next image, adapted to the last inliers.
 
-/// Inliers that are enough, in multiples of the fewest that make a pose: where 120 agree, more keypoints change nothing, and poses with five times as
-/// many are as accurate (decision 17).
+/// Sufficient number of inliers, in multiples of the minimum for a pose: where 120 agree, more keypoints change
+/// nothing, and poses with five times as many are as accurate (decision 17).
 const ENOUGH: f64 = 4.0;
-/// More keypoints than wanted, at most, a factor. What is found only among more of them makes landmarks that are not found again; twice as many are
-/// as accurate and cost up to twice the time (decision 17).
+/// Maximum increase of the number of keypoints, a factor. Corners that are only found among more keypoints make
+/// landmarks that are not found again; twice as many are as accurate and cost up to twice the time (decision 17).
 const MOST_TIMES: f64 = 1.4;
 
-/// How many keypoints the next image is asked for.
+/// Number of keypoints to extract from the next image.
 ///
-/// Of the keypoints, only those on what stands still and is mapped are of use. Where people fill the image, or where it is blurred, the
-/// wanted number leaves too few of them, and tracking would be lost, so more are asked for, as many as the last image lacked.
+/// Only keypoints on static, mapped surfaces are useful. Where people fill the image, or it is blurred, the usual
+/// number leaves too few, so more are extracted in proportion to the shortage in the last image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Demand {
     wanted: usize,
-    /// Inliers of the last image, none before there was a map.
+    /// Inliers of the last image; `None` before there was a map.
     found: Option<u32>,
 }
 
@@ -26,17 +26,17 @@ impl Demand {
         }
     }
 
-    /// Keypoints wanted where enough of them hold.
+    /// Sets the usual number of keypoints.
     pub(super) fn set(&mut self, wanted: usize) {
         self.wanted = wanted;
     }
 
-    /// Takes note of how many keypoints of an image agreed with its pose: 0 where there was no pose, none where there was no map to agree with.
+    /// Records the inliers of an image: 0 without a pose, `None` without a map.
     pub(super) fn note_inliers(&mut self, inliers: Option<u32>) {
         self.found = inliers;
     }
 
-    /// Keypoints to ask of the next image, where a pose needs `min_inliers`.
+    /// Number of keypoints for the next image, if a pose needs `min_inliers`.
     pub(super) fn next(&self, min_inliers: usize) -> usize {
         let Some(found) = self.found else {
             return self.wanted;

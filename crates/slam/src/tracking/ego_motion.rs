@@ -1,4 +1,4 @@
-//! How the camera moved, before anything is known of what else does.
+//! First estimate of the camera motion, before the static filter.
 
 use super::flow::Guess;
 use super::vote::{Search, Vote};
@@ -11,31 +11,30 @@ use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{KeyframeData, KeyframeId};
 
-/// Where the shutter bends the flow by less than this, px, the pairs are not measured again.
+/// Change of the rolling-shutter displacement below which pairs are not corrected again, px.
 const SHUTTER_PX: f64 = 0.3;
 
-/// The camera's motion since the last frame, and what it was found from.
+/// The camera's motion since the last frame, and its evidence.
 pub(super) struct EgoMotion {
-    /// The features of the frame, measured for a camera that moves by about `velocity`.
+    /// The features of the frame, measured with a velocity close to `velocity`.
     pub(super) data: Arc<KeyframeData>,
-    /// The first pose.
     pub(super) camera_from_world: Se3,
-    /// The velocity that it amounts to, twist per second; none when the last frame has no pose.
+    /// The resulting velocity, twist per second; `None` if the last frame has no pose.
     pub(super) velocity: Option<Vec6>,
-    /// What the features see of the last frame, or of the map where that failed.
+    /// Matches to the last frame, or to the map if that failed.
     pub(super) matches: Matches,
-    /// Where each feature was in the frame before; empty where flow is not known of any.
+    /// Flow of each feature; empty without flow.
     pub(super) pairs: Vec<Option<FlowPair>>,
-    /// Features that were not looked for there, with where they are expected.
+    /// Features not searched by flow, with their predicted pixels.
     pub(super) rest: Vec<Guess>,
-    /// What a vote of the flow alone says of it.
+    /// Motion vote of the flow alone.
     pub(super) by_flow: Option<Vote>,
-    /// Whether the camera was followed from the frame before, and not found anywhere in the map.
+    /// Whether the camera was tracked from the last frame, and not relocalised.
     pub(super) follows: bool,
 }
 
 impl EgoMotion {
-    /// What is known of the first frame of a map: that the camera is where the map begins.
+    /// For the first frame of a map, which defines the origin.
     pub(super) fn unknown(data: Arc<KeyframeData>) -> Self {
         Self {
             camera_from_world: Se3::identity(),
@@ -51,7 +50,7 @@ impl EgoMotion {
 }
 
 impl Tracker {
-    /// Finds the camera's motion by flow and by matches to the last frame, from the prediction `predicted`
+    /// Estimates the camera motion by flow and by matches to the last frame, from the prediction `predicted`
     /// (`camera_from_world`).
     pub(super) fn estimate_motion(
         &mut self,
@@ -73,13 +72,13 @@ impl Tracker {
             self.measure_first_keyframe(&moved);
         }
         let velocity = moved.at_last();
-        // How fast the camera turns is known now, and with it where the rows of the image belong.
+        // The vote gives the velocity, and with it the correction for rolling shutter.
         let measured = self.front_end.measure(frame, velocity.as_ref());
         let data = &*measured;
         let (matches, matched) = self
             .match_last_frame(frame.id, data, reference, &start)
             .or_else(|lost| Ok((Matches::new(data.len()), voted.ok_or(lost)?)))?;
-        // While who moves is undecided, it is for the flow to say which motion is the camera's: people are among what matches.
+        // While it is undecided which surfaces move, flow determines the camera's motion: matches may lie on people.
         let exact = found.as_ref().filter(|v| v.exact);
         let pose = exact.map_or(matched, |v| v.camera_from_world);
         notes.counts.frame_matches = matches.count as u32;
@@ -97,7 +96,7 @@ impl Tracker {
         })
     }
 
-    /// The vote of the flow, and once it says how fast the camera turns, the vote of the flow that is corrected for that.
+    /// The vote of the flow; if it changes the velocity, the vote again after rolling-shutter correction.
     fn vote_twice(
         &mut self,
         frame: &RgbdFrame,
@@ -113,13 +112,13 @@ impl Tracker {
             return Some(vote);
         }
         self.bring_to_stamps(data, pairs, &found);
-        // It is known who moves, and the correction moves no pair from one motion to another.
+        // The correction is small: no sampling is needed to find the motion again.
         self.vote(frame, data, pairs, &vote.camera_from_world, Search::Refine)
             .or(Some(vote))
     }
 
-    /// Follows the camera from the last frame by flow; from where descriptors say that it is, while its velocity is not known and where
-    /// flow loses its way from the prediction. Returns the vote, and the pairs and the rest of [`Tracker::flow`].
+    /// Estimates the motion from the last frame by flow. If the velocity is unknown, or flow from the prediction fails,
+    /// starts from matches by descriptor. Returns the vote, and the results of [`Tracker::flow`].
     fn follow(
         &mut self,
         frame: &RgbdFrame,

@@ -1,8 +1,8 @@
-//! The first keyframe of a map or a submap: measured once it is known how the camera moved while it was taken.
+//! The first keyframe of a map or submap is measured again once the camera's velocity during its exposure is known.
 //!
-//! The frame that begins a map has none before it, so nothing tells how fast the camera turns. At 100 degrees per second the first and last rows
-//! of a rolling shutter's image are 10 px aside of where they belong, and late depth is read as far from its pixels; all of the map would rest
-//! on that. So this keyframe waits for the next frame, and the flow between both says it.
+//! There is no earlier frame to give the velocity. At 100 degrees per second the outer rows of a rolling-shutter image
+//! are displaced by 10 px, and late depth is read as far from its pixels; the whole map would inherit that. So this
+//! keyframe waits for the next frame, and the flow between both.
 
 use super::Tracker;
 use super::motion::CameraMotion;
@@ -10,11 +10,12 @@ use crate::messages::NewKeyframe;
 use std::sync::Arc;
 use stillpoint_imaging::FrameId;
 
-/// A mean velocity over longer is not that of its beginning, s: chosen, three frames of 30 Hz, as long as a frame may stand for (`pace::MOST`).
+/// Longest interval over which a mean velocity is used, s: chosen, three frames of 30 Hz, the maximum weight of a frame
+/// (`pace::MOST`).
 const LONGEST: f64 = 0.1;
 
 impl Tracker {
-    /// Measures the keyframe that waits again, now that the camera is known to have moved like this since.
+    /// Measures the waiting keyframe again with the camera motion since.
     pub(super) fn measure_first_keyframe(&mut self, motion: &CameraMotion) {
         let Some(keyframe) = &mut self.keyframes.first else {
             return;
@@ -35,7 +36,7 @@ impl Tracker {
         last.data = Arc::clone(&keyframe.data);
     }
 
-    /// The keyframe that waited for the frame `next`, whatever became of that.
+    /// Releases the waiting keyframe at frame `next`, whether that was tracked or not.
     pub(super) fn release_first_keyframe(&mut self, next: FrameId) -> Option<NewKeyframe> {
         let own = self.map.keyframe_id(next);
         self.keyframes.first.take_if(|k| k.id != own)

@@ -1,4 +1,4 @@
-//! Flow: where each feature was in the frame before, and how the camera moved since.
+//! Optical flow of features to the last frame.
 
 use super::ego_motion::EgoMotion;
 use super::frame::Observer;
@@ -15,27 +15,28 @@ use stillpoint_geometry::{Camera, Se3, Vec2, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{KeyframeData, LandmarkId};
 
-/// Features farther than this from where a static scene would have them are looked at again, px: flow errs by as much in blurred images
-/// (decision 23).
+/// Distance from the position in a static scene beyond which a feature is searched again, px: flow errs by as much in
+/// blurred images (decision 23).
 const RECHECK_PX: f32 = 1.5;
-/// Standard deviation of flow where it is best, px: what corners on edges add, and what depths err by.
+/// Minimum standard deviation of flow, px: errors of corners on edges, and of depths.
 const SIGMA_PX: f64 = 0.5;
-/// One feature in so many is looked for at all scales. Chosen: a median of 100 is as steady as one of 125, and more take more time (decision 55).
+/// Every n-th feature is searched at all scales. Chosen: a median of 100 is as steady as one of 125, and more take more
+/// time (decision 55).
 const SCOUT: usize = 10;
-/// A feature and where it is expected, raw px.
+/// A feature index and its predicted raw pixel.
 pub(super) type Guess = (usize, [f32; 2]);
 
 impl Tracker {
-    /// The camera's motion if it is at `camera_from_world` in the present frame.
+    /// Camera motion for a pose `camera_from_world` of the current frame.
     pub(super) fn motion_to(&self, camera_from_world: &Se3) -> CameraMotion {
         let now = self.front_end.clock.now();
         let motion = self.state.motion_to(camera_from_world, now);
         motion.turning(self.turning())
     }
 
-    /// Finds the features of the frame in the one before. The guess is that the scene stands still and the camera moves to
-    /// `camera_from_world`. Where the filter has no use for features without depth, these are not looked for: they are returned
-    /// with their guesses, but for those that may lie on something that moves.
+    /// Searches the features in the last image, starting from positions in a static scene with pose
+    /// `camera_from_world`. If the filter does not need features without depth, these are not searched but returned
+    /// with their predictions, except near moving surfaces.
     pub(super) fn flow(
         &mut self,
         data: &KeyframeData,
@@ -56,7 +57,7 @@ impl Tracker {
             let seen = shutter.at_stamp(undistorted[i], f64::from(k.y), z, now.as_ref());
             let p = last_from_now.transform(&seen);
             if p.z <= 0.05 {
-                // So near, a small error of the motion throws the projection far off: the feature's own place is the better guess.
+                // So near, small motion errors have a large effect; the feature's own pixel is a better guess.
                 return (i, [k.x, k.y]);
             }
             let raw = shutter.exposed(&p, before.as_ref());
@@ -82,8 +83,7 @@ impl Tracker {
         (pairs, rest)
     }
 
-    /// Brings both ends of the pairs to the stamps of their frames, by the camera's motion: rows are exposed one after the other, and
-    /// the camera turns differently while each image is read.
+    /// Corrects both ends of the pairs for rolling shutter, with the velocities at their own frames.
     pub(super) fn bring_to_stamps(
         &self,
         data: &KeyframeData,
@@ -107,7 +107,7 @@ impl Tracker {
         }
     }
 
-    /// The depths of a frame, taken while the camera moved by `velocity`.
+    /// Reader for the depths of a frame, taken while the camera moved by `velocity`.
     pub(super) fn depth_reader<'a>(
         &'a self,
         frame: &'a RgbdFrame,
@@ -118,8 +118,8 @@ impl Tracker {
         DepthReader::new(&self.setup.sensor, camera, &frame.depth, velocity, dt)
     }
 
-    /// Looks again at features that seem to move, from where a static scene would have them: on a keyboard or a shirt one key or
-    /// check looks like the next. What is found there stands still.
+    /// Searches features that seem to move again, near their positions in a static scene: repetitive textures such as
+    /// keyboards or shirts are ambiguous. A match there is static.
     pub(super) fn recheck_flow(
         &mut self,
         data: &KeyframeData,
@@ -177,7 +177,7 @@ impl Tracker {
         rows.extend(motion.pairs.iter().enumerate().filter_map(pair));
     }
 
-    /// Learns the readout, now that it is known how the camera moved to this frame.
+    /// Updates the readout estimate with the camera motion to this frame.
     pub(super) fn learn_readout(&mut self, solution: &mut Solution) {
         let newest = self.state.tracked().map(|last| Between {
             before_from_now: last.world_from_camera.inverse()
@@ -195,7 +195,7 @@ impl Tracker {
     }
 }
 
-/// Landmarks that both frames see, where nothing is known of flow.
+/// Landmarks seen in both frames, where no flow is available.
 fn seen_twice(last: &LastFrame, solution: &Solution) -> Vec<RowPair> {
     let seen = last.matches.iter().enumerate();
     let features: BTreeMap<LandmarkId, usize> =
@@ -213,7 +213,7 @@ fn seen_twice(last: &LastFrame, solution: &Solution) -> Vec<RowPair> {
             now: pixel(data, i),
             before: pixel(&last.data, before),
             z: data.depth(i)?,
-            // Those of keypoints are of one that is matched from anywhere; between two frames in a row they are half as large.
+            // Keypoint deviations hold for arbitrary views; between consecutive frames they are half as large.
             sigma: 0.5 * libm::hypot(sigmas[0], sigmas[1]),
         })
     };
@@ -221,15 +221,16 @@ fn seen_twice(last: &LastFrame, solution: &Solution) -> Vec<RowPair> {
     matches.filter_map(pair).collect()
 }
 
-/// Standard deviation of a flow vector whose way back ends so far from the start, px. In blurred images, where few gradients hold
-/// a window, both grow alike.
+/// Standard deviation of a flow vector, px, from its forward-backward error. In blurred images, with few gradients,
+/// both grow alike.
 fn flow_sigma(forward_backward: f64) -> f64 {
     0.08 + 0.85 * libm::sqrt(forward_backward)
 }
 
 impl Observer {
-    /// Finds some features of the last image in the one before. A hand accelerates, so all guesses of what stands still are off by about the same. Every
-    /// [`SCOUT`]th feature is looked for at all scales and tells by how much; the others are looked for near their guesses, with and without that.
+    /// Searches features of this image in the last one. A hand accelerates, so all static predictions are off by about
+    /// the same. Every [`SCOUT`]th feature is searched at all scales to measure that offset; the others are searched
+    /// near their predictions, with and without it.
     pub(super) fn flow_to_previous(&mut self, guesses: &[Guess], pairs: &mut [Option<FlowPair>]) {
         let _span = tracing::info_span!("flow").entered();
         let mut memory = std::mem::take(&mut self.flow_memory);
@@ -249,7 +250,7 @@ impl Observer {
         self.flow_memory = memory;
     }
 
-    /// Looks for some features again, around a raw pixel each, and takes what is found near it.
+    /// Searches some features again, each around a raw pixel, and accepts matches near it.
     fn flow_again(&mut self, features: &[Guess], pairs: &mut [Option<FlowPair>]) {
         let _span = tracing::info_span!("flow").entered();
         let mut memory = std::mem::take(&mut self.flow_memory);
@@ -265,7 +266,7 @@ impl Observer {
         self.flow_memory = memory;
     }
 
-    /// Looks in the image before for what is sought, and makes pairs of what is found.
+    /// Searches the pending features and stores the pairs found.
     fn find(&mut self, reach: Reach, memory: &mut FlowMemory, pairs: &mut [Option<FlowPair>]) {
         self.look_up(reach, memory);
         for ((i, _), found) in memory.sought.iter().zip(&memory.found) {
@@ -273,7 +274,7 @@ impl Observer {
         }
     }
 
-    /// Looks in the image before for what is sought.
+    /// Searches the pending features in the last image.
     fn look_up(&mut self, reach: Reach, memory: &mut FlowMemory) {
         let keypoints = &self.features.keypoints;
         let FlowMemory {
@@ -299,16 +300,14 @@ impl Observer {
     }
 }
 
-/// How far from where they are expected features are looked for.
 #[derive(Clone, Copy)]
 enum Reach {
-    /// At all scales.
+    /// All scales.
     Far,
-    /// On the finest scale: within half a window.
+    /// Finest scale only: within half a window.
     Near,
 }
 
-/// Memory that flow takes, used again from frame to frame.
 #[derive(Default)]
 pub(super) struct FlowMemory {
     sought: Vec<Guess>,
@@ -319,7 +318,7 @@ pub(super) struct FlowMemory {
 }
 
 impl FlowMemory {
-    /// The median of what guesses are off by where something is found, px; nothing where nothing is.
+    /// Median offset of found features from their predictions, px; zero if none was found.
     fn middle_off(&mut self) -> [f32; 2] {
         [0, 1].map(|k| {
             let found = self.expected.iter().zip(&self.found);

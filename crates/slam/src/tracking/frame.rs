@@ -1,4 +1,4 @@
-//! From an RGB-D frame to what it saw: keypoints, undistorted positions, depths and their noise.
+//! Measures an RGB-D frame: keypoints, undistorted positions, depths and their noise.
 
 use super::flow::FlowMemory;
 use crate::recycle::refill_or;
@@ -14,19 +14,19 @@ use stillpoint_geometry::{Camera, Vec2, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd, workers};
 use stillpoint_map::KeyframeData;
 
-/// Features that are measured together, at least: chosen, so that a part outweighs what it costs to share it (decision 38).
+/// Minimum number of features per thread: chosen, so that the work outweighs the cost of sharing it (decision 38).
 const MEASURED_TOGETHER: usize = 250;
 
-/// Extracts features and reads their depths; keeps its buffers between frames.
+/// Extracts features and reads their depths, reusing buffers.
 pub(super) struct Observer {
     pub(super) camera: Camera,
     sensor: SensorConfig,
     pub(super) extractor: OrbExtractor,
     pub(super) features: Features,
     pub(super) flow: Flow,
-    /// Undistorted pixels of `features`, as exposed row by row.
+    /// Undistorted pixels of `features`, as exposed.
     pub(super) undistorted: Vec<Vec2>,
-    /// Depths around their raw pixels in the depth image, m; 0 where there is none.
+    /// Depths around their raw pixels in the depth image, m; 0 if none.
     depths: Vec<f32>,
     /// Standard deviation of a keypoint on each level, px.
     level_sigmas: Vec<f32>,
@@ -35,12 +35,12 @@ pub(super) struct Observer {
     seen: Vec<Seen>,
     levels: Vec<u8>,
     pub(super) flow_memory: FlowMemory,
-    /// What was handed over lately: its memory is used again when nobody holds it any more.
+    /// Recently returned data, whose memory is reused once released.
     handed_over: Vec<Arc<KeyframeData>>,
 }
 
-/// Frames whose memory may be used again, at most: more are in use at once in no frame. Measured: a steady frame asks the allocator only for what
-/// leaves with its report (docs/scale.md).
+/// Maximum number of frames kept for reuse: no frame uses more at once. Measured: a steady frame allocates only memory
+/// that leaves with its report (docs/scale.md).
 const MOST_HANDED_OVER: usize = 6;
 
 impl Observer {
@@ -68,7 +68,6 @@ impl Observer {
         }
     }
 
-    /// Standard deviation of a keypoint on each level, px.
     pub(super) fn level_sigmas(&self) -> &[f32] {
         &self.level_sigmas
     }
@@ -78,7 +77,7 @@ impl Observer {
         self.bounds
     }
 
-    /// Extracts the features of a frame; [`Self::measure`] speaks of these until the next call.
+    /// Extracts the features of a frame, to which [`Self::measure`] refers until the next call.
     pub(super) fn extract(&mut self, frame: &RgbdFrame) {
         let _span = tracing::info_span!("extract").entered();
         self.extractor.extract(&frame.gray, &mut self.features);
@@ -95,8 +94,8 @@ impl Observer {
         });
     }
 
-    /// Measures all features of the frame: positions and depths at its stamp, for a camera that moves by `velocity` (twist per second). The depth image
-    /// was exposed `depth_lag` s after the colour image.
+    /// Measures the extracted features at the frame's stamp, corrected by the camera velocity (twist per second) for
+    /// rolling shutter and for a depth image taken `depth_lag` s after the colour image.
     pub(super) fn measure(
         &mut self,
         frame: &RgbdFrame,
@@ -151,7 +150,7 @@ impl Observer {
         })
     }
 
-    /// Fills the data of a frame, in memory that is free again.
+    /// Fills the data of a frame, in recycled memory if possible.
     fn hand_over(&mut self, fill: impl FnOnce(&mut Self, &mut KeyframeData)) -> Arc<KeyframeData> {
         let free = |data: &Arc<KeyframeData>| Arc::strong_count(data) == 1;
         let spent = self.handed_over.iter().position(free);
@@ -182,7 +181,7 @@ impl Observer {
         self.index(data);
     }
 
-    /// Sorts the features of `data` into its grid.
+    /// Rebuilds the grid of `data`.
     fn index(&mut self, data: &mut KeyframeData) {
         refill(data.keypoints.iter().map(|k| k.level), &mut self.levels);
         data.grid
@@ -210,7 +209,7 @@ impl Observer {
         }
     }
 
-    /// What `data` has of a frame, measured again with another velocity: the same features, of which nothing else changes.
+    /// Measures the features of `data` again with another velocity; all else is unchanged.
     pub(super) fn measure_again(
         &self,
         frame: &RgbdFrame,
@@ -237,19 +236,19 @@ impl Observer {
     }
 }
 
-/// What was seen of a feature, brought to the stamp of its frame.
+/// Measurement of a feature at the stamp of its frame.
 #[derive(Clone, Default)]
 struct Seen {
     /// Undistorted px.
     position: [f32; 2],
-    /// m; 0 where there is none.
+    /// m; 0 if none.
     depth: f32,
-    /// Its standard deviation, m.
+    /// Standard deviation, m.
     depth_sigma: f32,
 }
 
 impl Seen {
-    /// What is seen at an undistorted pixel, as exposed in a raw row, with the depth that is read there: brought to the stamp.
+    /// Corrects an undistorted pixel of a raw row, with its depth reading, to the stamp.
     #[inline]
     fn at_stamp(
         camera: &Camera,
@@ -289,13 +288,12 @@ fn nothing(camera: Camera) -> KeyframeData {
     }
 }
 
-/// Puts `values` in the place of what a list holds.
 fn refill<T>(values: impl Iterator<Item = T>, list: &mut Vec<T>) {
     list.clear();
     list.extend(values);
 }
 
-/// The list of descriptors to write into: a new one while place recognition holds the old one.
+/// The descriptors for writing: a new list if the place index still holds the old one.
 fn unshared(descriptors: &mut Arc<Vec<Descriptor>>) -> &mut Vec<Descriptor> {
     if Arc::get_mut(descriptors).is_none() {
         *descriptors = Arc::default();
@@ -303,7 +301,6 @@ fn unshared(descriptors: &mut Arc<Vec<Descriptor>>) -> &mut Vec<Descriptor> {
     Arc::make_mut(descriptors)
 }
 
-/// Where a keypoint is in the image as recorded, px.
 fn raw_pixel(k: &Keypoint) -> Vec2 {
     Vec2::new(f64::from(k.x), f64::from(k.y))
 }

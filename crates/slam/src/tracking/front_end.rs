@@ -1,4 +1,4 @@
-//! The front end: from a frame to its features, where they were in the frame before, and what both are asked for.
+//! The front end: feature extraction, flow, exposure timing and the number of keypoints.
 
 use super::TrackerSetup;
 use super::clock::FrameClock;
@@ -13,15 +13,15 @@ use stillpoint_geometry::{Camera, Se3, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd};
 use stillpoint_map::KeyframeData;
 
-/// All that looks at images: extraction, flow, undistortion, the readout of the shutter, and how many keypoints are wanted.
+/// All image processing of tracking.
 pub(super) struct FrontEnd {
     pub(super) observer: Observer,
     pub(super) clock: FrameClock,
     demand: Demand,
     calibration: SelfCalibration,
-    /// Whether the estimate of the readout improves while tracking.
+    /// Whether the readout is estimated.
     learns: bool,
-    /// Inliers that make a pose.
+    /// Minimum number of inliers of a pose.
     min_inliers: usize,
     pub(super) simd: Simd,
 }
@@ -39,7 +39,7 @@ impl FrontEnd {
         }
     }
 
-    /// A front end for frames whose stamps run backwards: it knows of the shutter what this one does, and learns nothing.
+    /// A front end for frames with reversed stamps, with the same shutter but no learning.
     pub(super) fn mirrored(&self, setup: &TrackerSetup, pivot: f64, simd: Simd) -> Self {
         Self {
             clock: self.clock.mirrored(pivot),
@@ -49,7 +49,7 @@ impl FrontEnd {
         }
     }
 
-    /// Extracts the features of a frame and reads their depths, as of a camera that does not move.
+    /// Extracts and measures the features of a frame, without correction for camera motion.
     pub(super) fn observe(&mut self, frame: &RgbdFrame) -> Arc<KeyframeData> {
         let wanted = self.demand.next(self.min_inliers);
         self.observer.extractor.set_wanted(wanted);
@@ -57,7 +57,7 @@ impl FrontEnd {
         self.measure(frame, None)
     }
 
-    /// Measures the features of the frame that was observed last, for a camera that moves by `velocity` (twist per second).
+    /// Measures the features of the last observed frame at its stamp, with a camera velocity (twist per second).
     pub(super) fn measure(
         &mut self,
         frame: &RgbdFrame,
@@ -67,7 +67,7 @@ impl FrontEnd {
         self.observer.measure(frame, velocity, (timing, lag))
     }
 
-    /// What `data` has of a frame, brought to its stamp by another velocity of the camera.
+    /// Measures the features of `data` again with another camera velocity.
     pub(super) fn measure_again(
         &self,
         frame: &RgbdFrame,
@@ -79,7 +79,8 @@ impl FrontEnd {
             .measure_again(frame, data, velocity, (timing, lag))
     }
 
-    /// Learns the readout: takes the two newest frames; none where the frame before has no pose. Gives back a list that it is done with.
+    /// Updates the readout estimate with the two newest frames; `None` if the last frame has no pose. Returns a used
+    /// list for recycling.
     pub(super) fn learn(&mut self, newest: Option<Between>) -> Option<Vec<RowPair>> {
         if self.learns {
             self.calibration.learn(&self.observer.camera, newest)
@@ -88,44 +89,42 @@ impl FrontEnd {
         }
     }
 
-    /// Takes note of how many keypoints of the frame agreed with its pose, on which the demand for the next one depends.
+    /// Records the inliers of a frame, which determine the number of keypoints of the next.
     pub(super) fn note_inliers(&mut self, inliers: Option<u32>) {
         self.demand.note_inliers(inliers);
     }
 
-    /// When the parts of a frame are exposed, as estimated so far.
     pub(super) fn timing(&self) -> Timing {
         *self.calibration.timing()
     }
 
-    /// What frames are measured with while the camera moves by `velocity`.
+    /// Exposure record for measurements with camera velocity `velocity`.
     pub(super) fn exposure(&self, velocity: Option<Vec6>) -> Exposure {
         let readout = self.calibration.timing().readout;
         Exposure { velocity, readout }
     }
 
-    /// The shutter, as estimated so far.
     pub(super) fn shutter(&self) -> Shutter<'_> {
         Shutter::new(&self.observer.camera, self.calibration.timing())
     }
 
-    /// Keypoints that the last image was asked for.
+    /// Number of keypoints requested from the last image.
     pub(super) fn asked(&self) -> usize {
         self.observer.extractor.wanted()
     }
 
-    /// From now on so many keypoints are wanted where enough of them hold.
+    /// Sets the usual number of keypoints.
     pub(super) fn want(&mut self, features: usize) {
         self.demand.set(features);
     }
 
-    /// How long after a frame's colour image its depth image was taken, s.
+    /// Time from the exposure of a frame's colour image to that of its depth image, s.
     pub(super) fn depth_lag(&self, frame: &RgbdFrame) -> f64 {
         let times = self.clock.times(frame);
         times.depth - times.colour - self.calibration.timing().depth_delay
     }
 
-    /// The camera's motion from the depth image's exposure to the colour image's.
+    /// Camera motion from the exposure of the depth image to that of the colour image.
     pub(super) fn camera_from_depth(&self, frame: &RgbdFrame, velocity: Option<&Vec6>) -> Se3 {
         let dt = self.depth_lag(frame);
         velocity.map_or(Se3::identity(), |v| Se3::exp(&(v * dt)).inverse())

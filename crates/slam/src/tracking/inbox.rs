@@ -1,5 +1,4 @@
-//! What the tracker receives between frames: detections, views of the map, how much to do, and that a clock was set back; and what
-//! it can be asked.
+//! Messages to the tracker between frames, and its queries.
 
 use super::Tracker;
 use crate::messages::MapperMsg;
@@ -12,8 +11,8 @@ use stillpoint_map::{KeyframeId, MapView};
 use stillpoint_place::PlaceIndex;
 
 impl Tracker {
-    /// Takes detections of the frame `next` to come, or late ones. Returns the message to the mapper about an earlier keyframe;
-    /// nothing in a map that is only read.
+    /// Takes detections of the next frame `next`, or late ones. Returns the message to the mapper about an earlier
+    /// keyframe, if any; `None` in a read-only map.
     pub fn receive_detections(
         &mut self,
         detections: Detections,
@@ -38,13 +37,14 @@ impl Tracker {
         })
     }
 
-    /// Keypoints that the last image was asked for: as many as are wanted, and more where few of the image before held on to the map.
+    /// Number of keypoints requested from the last image, which grows when few match the map.
     #[must_use]
     pub fn features(&self) -> u32 {
         self.front_end.asked() as u32
     }
 
-    /// From now on so many keypoints are wanted per image: what is configured at most, and what a configuration may say at least.
+    /// Sets the usual number of keypoints per image, limited to the configured number and the minimum of a
+    /// configuration.
     pub fn set_features(&mut self, features: u32) {
         let most = self.setup.features.features;
         let wanted = (features as usize).clamp(100.min(most), most);
@@ -57,43 +57,43 @@ impl Tracker {
         let reference = self.state.last().map(|l| l.pose.reference);
         let submap = reference.and_then(|r| self.map.view.submap_of(r));
         if let Some(id) = submap.filter(|id| self.beginning.submap != Some(*id)) {
-            // The submap became part of another: what moves was seen in a frame of reference that is no more.
+            // The submap was joined to another: the filter's history refers to a reference frame that no longer exists.
             self.filter.forget();
             self.beginning.submap = Some(id);
             self.forget_world();
         }
     }
 
-    /// Takes a newer index of the places in the map.
+    /// Takes a newer place index.
     pub fn receive_places(&mut self, index: PlaceIndex<KeyframeId>) {
         self.map.places.index = index;
     }
 
-    /// The frames tracked so far.
+    /// All tracked frames.
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
         &self.trajectory
     }
 
-    /// Forgets all frames of the trajectory but the newest, for runs that never end. Poses stay as they are; first frames that are forgotten are not tracked again.
+    /// Keeps only the newest `most` frames of the trajectory, for endless runs. Their poses are unaffected; dropped
+    /// first frames are not tracked again.
     pub fn forget_frames_but(&mut self, most: usize) {
         self.trajectory.keep_newest(most);
     }
 
-    /// When the parts of a frame are exposed, as estimated so far.
+    /// Estimated exposure timing.
     #[must_use]
     pub fn timing(&self) -> Timing {
         self.front_end.timing()
     }
 
-    /// The view in use.
+    /// The map view in use.
     #[must_use]
     pub fn view(&self) -> Arc<MapView> {
         Arc::clone(&self.map.view)
     }
 
-    /// After a clock was set back nothing is known of the time since the frame before: there is no velocity, and what is known
-    /// of earlier stamps is brought to the new time, or forgotten where that cannot be done.
+    /// After the clock was set back, drops the velocity and shifts or drops stored stamps.
     pub(super) fn handle_clock(&mut self, stamp: f64) {
         let before = self.images.previous.as_ref().map(|f| f.stamp);
         if let Some(before) = before.filter(|before| stamp <= *before) {

@@ -1,4 +1,4 @@
-//! What is seen of a frame, and what of it stands still.
+//! Observes a frame and applies the static filter.
 
 use super::ego_motion::EgoMotion;
 use super::known::FEW;
@@ -10,7 +10,6 @@ use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::KeyframeData;
 
 impl Tracker {
-    /// Extracts the features of a frame and reads their depths.
     pub(super) fn observe(&mut self, frame: &RgbdFrame, notes: &mut Notes) -> Arc<KeyframeData> {
         let data = self.front_end.observe(frame);
         notes.counts.keypoints = data.len() as u32;
@@ -18,7 +17,7 @@ impl Tracker {
         data
     }
 
-    /// Where the filter was not asked, nothing is said against any feature of the frame.
+    /// Keeps all features if the filter did not run.
     pub(super) fn keep_all_unless_judged(&self, judgement: &mut Judgement) {
         if judgement.verdicts.is_empty() {
             let keypoints = &self.front_end.observer.features.keypoints;
@@ -27,7 +26,7 @@ impl Tracker {
         }
     }
 
-    /// Asks the static filter about the features of a frame.
+    /// Runs the static filter on the features of a frame.
     pub(super) fn judge(&mut self, frame: &RgbdFrame, motion: &EgoMotion, notes: &mut Notes) {
         let data = &motion.data;
         let features = &mut self.memory.pixels;
@@ -35,7 +34,7 @@ impl Tracker {
         features.extend(data.keypoints.iter().map(|k| [k.x, k.y]));
         let last = self.state.last().map(|l| l.world_from_camera);
         let world_from_camera = motion.camera_from_world.inverse();
-        // The frame may have been judged before, from a pose that was refused: what that left is the newest state.
+        // If the frame was judged before with a rejected pose, continues from that state.
         let filter = notes.filter.as_ref().unwrap_or(&self.filter);
         let input = FrameInput {
             frame,
@@ -58,7 +57,7 @@ impl Tracker {
         notes.evidence.judged = true;
     }
 
-    /// The features that the static filter left, and their matches.
+    /// The static features, and their matches.
     pub(super) fn keep_static(
         &mut self,
         motion: &EgoMotion,

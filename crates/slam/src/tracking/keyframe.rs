@@ -1,7 +1,8 @@
-//! When a frame becomes a keyframe: when it sees what the map does not hold, or holds it from elsewhere.
+//! Keyframe selection: a frame becomes a keyframe if it sees unmapped parts of the scene, or the same parts from a new
+//! viewpoint.
 //!
-//! Both are measured against keyframes, not against landmarks that several keyframes confirmed: such a count never falls where
-//! keyframes are rare.
+//! Both criteria compare with keyframes, not with landmarks confirmed by several keyframes: such a count never falls
+//! where keyframes are rare.
 
 use crate::anchored_pose::AnchoredPose;
 use crate::validation::Checker;
@@ -14,13 +15,14 @@ use stillpoint_map::{Keyframe, MapView};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct KeyframeConfig {
-    /// A keyframe is due when fewer landmarks are tracked than this share of the most that were tracked since the last keyframe.
-    /// Range: 0.1 to 1. At 0.75, as in ORB-SLAM2, three quarters of what holds the camera are still seen by the next keyframe.
+    /// A keyframe is due if fewer landmarks are tracked than this share of the maximum since the last keyframe. Range:
+    /// 0.1 to 1. At 0.75, as in ORB-SLAM2, the next keyframe still sees three quarters of the landmarks.
     pub min_tracked_share: f64,
-    /// A keyframe is due when no keyframe around has seen the scene from within this angle, rad: the turn between both, and the distance over
-    /// the median depth. Range: 0 to 3. From 0.1 rad on two pixels tell a depth to 2 %, as well as the sensor does.
+    /// A keyframe is due if no nearby keyframe has seen the scene from within this angle, rad: rotation plus distance
+    /// over median depth. Range: 0 to 3. From 0.1 rad on two pixels determine depth to 2 %, as well as the sensor does.
     pub max_view_angle: f64,
-    /// Time between two keyframes, at least, s. Range: 0 to 100. Nearer ones share all they see; this is three frames of 30 Hz, with their jitter.
+    /// Minimum time between two keyframes, s. Range: 0 to 100. Nearer ones are redundant; the default is three frames
+    /// of 30 Hz, with their jitter.
     pub min_seconds: f64,
 }
 
@@ -42,17 +44,16 @@ impl KeyframeConfig {
     }
 }
 
-/// The last keyframe, and what was tracked since.
+/// The last keyframe, and tracking since.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Coverage {
-    /// Where it was taken from. It may not be in the tracker's view yet, and it may be culled.
+    /// Its pose. The keyframe may not be in the tracker's view yet, or may be culled.
     last: AnchoredPose,
-    /// Landmarks that a frame tracked since, at most.
+    /// Maximum number of landmarks tracked in a frame since.
     most_tracked: usize,
 }
 
 impl Coverage {
-    /// That of a new keyframe, which `tracked` landmarks hold.
     pub(super) fn of(keyframe: AnchoredPose, tracked: usize) -> Self {
         Self {
             last: keyframe,
@@ -60,18 +61,17 @@ impl Coverage {
         }
     }
 
-    /// Takes note of how many landmarks a frame tracks.
     pub(super) fn note(&mut self, tracked: usize) {
         self.most_tracked = self.most_tracked.max(tracked);
     }
 
-    /// Whether a keyframe is due where the camera tracks so many landmarks.
+    /// Whether a keyframe is due with this number of tracked landmarks.
     pub(super) fn lacks_landmarks(&self, config: &KeyframeConfig, tracked: usize) -> bool {
         (tracked as f64) < config.min_tracked_share * self.most_tracked as f64
     }
 
-    /// Whether a keyframe is due for the view from `world_from_camera` of a scene at a median `depth`, m: neither the last keyframe nor the
-    /// reference or one that shares landmarks with it has seen it from there.
+    /// Whether a keyframe is due for the view from `world_from_camera` of a scene at a median `depth`, m: whether
+    /// neither the last keyframe, nor the reference, nor one covisible with it has a similar view.
     pub(super) fn lacks_view(
         &self,
         config: &KeyframeConfig,
@@ -79,7 +79,7 @@ impl Coverage {
         world_from_camera: &Se3,
         depth: Option<f64>,
     ) -> bool {
-        // Where nothing has a depth, a shift shows nothing new.
+        // Without depth, translation shows nothing new.
         let depth = depth.unwrap_or(f64::INFINITY);
         let is_new = |from: &Se3| {
             view_angle(&(from.inverse() * *world_from_camera), depth) >= config.max_view_angle
@@ -105,7 +105,7 @@ mod tests {
         Se3::new(rotation, Vec3::new(x, 0.0, 0.0))
     }
 
-    /// What a camera sees of a wall, m.
+    /// Keyframe data with a wall at this depth, m.
     fn wall(depth: f32) -> KeyframeData {
         KeyframeData {
             depths: vec![0.0, depth, depth, depth],
@@ -113,7 +113,8 @@ mod tests {
         }
     }
 
-    /// Whether the view from `pose` on a wall is new, where the first of the keyframes is the reference and the last one was made last.
+    /// Whether the view from `pose` on a wall is new, with the first keyframe as reference and the last one as the
+    /// newest.
     fn is_new(keyframes: &[Se3], pose: &Se3, depth: f32) -> bool {
         let mut map = Map::new(8, 1.2);
         for (id, pose) in (0..).zip(keyframes) {
@@ -134,21 +135,21 @@ mod tests {
     #[test]
     fn a_view_is_new_by_what_it_shows() {
         let here = [at(0.0, 0.0)];
-        // A shift counts by the angle under which it appears, a turn by itself, and both add up.
+        // Translation counts by its viewing angle, rotation directly, and both add up.
         assert!(!is_new(&here, &at(0.19, 0.0), 2.0));
         assert!(is_new(&here, &at(0.21, 0.0), 2.0));
         assert!(!is_new(&here, &at(0.21, 0.0), 4.0));
         assert!(!is_new(&here, &at(0.0, 0.09), 4.0));
         assert!(is_new(&here, &at(0.0, 0.11), 4.0));
         assert!(is_new(&here, &at(0.2, 0.06), 4.0));
-        // Where nothing is known of depths only a turn shows something new.
+        // Without depth only rotation counts.
         assert!(!is_new(&here, &at(100.0, 0.09), 0.0));
         assert!(is_new(&here, &at(0.0, 0.11), 0.0));
     }
 
     #[test]
     fn a_view_that_a_keyframe_has_is_not_new() {
-        // The last keyframe covers it though the map does not hold it yet, and so does the reference after a way there and back.
+        // The last keyframe counts before the map contains it, and so does the reference after a return.
         assert!(!is_new(&[at(0.0, 0.0), at(0.5, 0.0)], &at(0.45, 0.0), 2.0));
         assert!(!is_new(&[at(0.0, 0.0), at(0.5, 0.0)], &at(0.05, 0.0), 2.0));
         assert!(is_new(&[at(0.0, 0.0), at(0.5, 0.0)], &at(0.25, 0.0), 2.0));
@@ -158,7 +159,7 @@ mod tests {
     fn landmarks_that_fade_away_make_a_keyframe_due() {
         let config = KeyframeConfig::default();
         let mut coverage = Coverage::of(AnchoredPose::default(), 300);
-        // What a keyframe adds to the map is tracked after it: the measure is the most since then.
+        // A keyframe adds landmarks, so the maximum is counted from then on.
         for (tracked, due) in [(400, false), (500, false), (376, false), (374, true)] {
             coverage.note(tracked);
             assert_eq!(
@@ -167,7 +168,6 @@ mod tests {
                 "{tracked} are tracked"
             );
         }
-        // Where the camera stands still, as many are tracked for ever.
         let mut still = Coverage::of(AnchoredPose::default(), 450);
         for frame in 0..1000 {
             let tracked = 450 + 40 * (frame % 3);

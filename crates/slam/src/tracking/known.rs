@@ -1,7 +1,7 @@
-//! What sensors beside the camera know of its motion: where it is expected, and which motion cannot be its own.
+//! Camera motion known from other sensors: predicts poses and rejects impossible motions.
 //!
-//! A gyroscope knows how it turned, odometry how it turned and moved; where there are both, the gyroscope says how it turned. Wheels slip: where many landmarks of
-//! the map bear another motion out, that counts, and a large part of the image that moves counts less.
+//! A gyroscope gives rotation, odometry rotation and translation; with both, rotation comes from the gyroscope. Wheels
+//! slip: many landmarks that contradict odometry overrule it, a large moving part of the image does not.
 
 use super::ego_motion::EgoMotion;
 use super::vote::{CROWD, Vote};
@@ -13,33 +13,33 @@ use std::collections::VecDeque;
 use stillpoint_estimation::{KnownShift, KnownTurn};
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A motion cannot be the camera's if it differs from the sensor's by more than this many of the sensor's standard deviations: the root of the 99.9 %
+/// Maximum deviation of a motion from the sensor's, in the sensor's standard deviations: the root of the 99.9 %
 /// quantile of chi-square with three degrees of freedom, 4.03, rounded.
 const GATE_SIGMAS: f64 = 4.0;
-/// Pose error that is allowed for when a motion is compared with a sensor, rad: 0.3 degrees, that of a blurred image with a rolling shutter. It is
-/// twice `trust::POSES_SIGMA`, rounded.
+/// Pose error that is allowed for when a motion is compared with a sensor, rad: 0.3 degrees, that of a blurred image
+/// with a rolling shutter. It is twice `trust::POSES_SIGMA`, rounded.
 pub(super) const GATE_POSE: f64 = 0.005;
-/// Pose error that is allowed for when a motion is compared with a sensor, m: from one frame to the next poses jitter by 4 mm in the median (fr1_xyz,
-/// decision 42).
+/// Pose error that is allowed for when a motion is compared with a sensor, m: from one frame to the next poses jitter
+/// by 4 mm in the median (fr1_xyz, decision 42).
 const GATE_POSE_M: f64 = 0.005;
-/// Stamp error that is allowed for when a motion is compared with a sensor, s: a clock that was estimated was late by 2.2 ms in `rpy_60` (measured,
-/// docs/evidence/sensors.md).
+/// Stamp error that is allowed for when a motion is compared with a sensor, s: a clock that was estimated was late by
+/// 2.2 ms in `rpy_60` (measured, docs/evidence/sensors.md).
 const GATE_TIME: f64 = 0.002;
-/// Poses are compared with those of so long before, s: who rides on somebody who turns slowly is found out in time. Chosen: over the longest, a turn
-/// of 0.3 deg/s exceeds [`GATE_POSE`].
+/// Ages of earlier poses with which a pose is compared, s, so that a pose that follows a slowly turning person is
+/// detected in time. Chosen: over the longest, a turn of 0.3 deg/s exceeds [`GATE_POSE`].
 const COMPARED_S: [f64; 3] = [0.0, 0.2, 1.0];
-/// Poses are remembered for so long, s: the sum of the longest of [`COMPARED_S`] and six frames of 30 Hz.
+/// Duration of kept poses, s: the sum of the longest of [`COMPARED_S`] and six frames of 30 Hz.
 const REMEMBERED_S: f64 = 1.2;
-/// A correction of the map that turns the last pose by more than this ends the comparison of earlier poses with sensors, rad: chosen, below
-/// [`GATE_POSE`], so that a correction is not taken for a contradiction.
+/// Rotation of the last pose by a map correction above which earlier poses are no longer compared with sensors, rad:
+/// chosen, below [`GATE_POSE`], so that a correction is not taken for a contradiction.
 const SAME_WORLD: f64 = 0.003;
-/// A correction of the map that moves the last pose by more than this ends the comparison of earlier poses with odometry, m: as much as
-/// [`GATE_POSE_M`] allows a pose to err by; chosen.
+/// Likewise for its translation and odometry, m: as much as [`GATE_POSE_M`] allows a pose to err by; chosen.
 const SAME_WORLD_M: f64 = 0.005;
-/// Where fewer matches lead to a pose, sensors measure it as well, a number: decision 39 has the blocked turn with and without it.
+/// Number of matches below which sensors contribute to the pose: decision 39 has the turn with blocked view with and
+/// without it.
 pub(super) const FEW: usize = 80;
 
-/// Poses of the camera that were taken, newest last: by the frames' clock, s.
+/// Recent accepted poses, newest last, with times on the frames' clock, s.
 #[derive(Default)]
 pub(super) struct PastPoses(VecDeque<(f64, Se3)>);
 
@@ -55,26 +55,25 @@ impl PastPoses {
         self.0.clear();
     }
 
-    /// The newest one that is so old at `time`, s; the oldest where none is.
+    /// The newest pose of at least this age at `time`, s; else the oldest.
     fn before(&self, time: f64, age: f64) -> Option<(f64, Se3)> {
         let old = self.0.iter().rev().find(|p| time - p.0 >= age);
         old.or(self.0.front()).copied()
     }
 }
 
-/// A motion of the camera as sensors beside it know it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Known {
     pub(super) turn: Turn,
-    /// What it moved by, as maps of coordinates have it: with the turn it maps those at the earlier moment to those at the later one.
+    /// Translation, for the same mapping as the rotation: from coordinates at the earlier time to those at the later
+    /// one.
     pub(super) shift: Option<Shift>,
-    /// Whether what says so has moved as the camera did before.
+    /// Whether the sensor has agreed with the camera before.
     pub(super) confirmed: bool,
-    /// Whether a gyroscope says how it turned, which does not slip.
+    /// Whether the rotation comes from a gyroscope, which does not slip.
     pub(super) by_gyro: bool,
 }
 
-/// The translation of a motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shift {
     later_from_earlier: Vec3,
@@ -107,7 +106,8 @@ impl Known {
         }
     }
 
-    /// The turn of the gyroscope with the way of the wheels, unless these turned otherwise: then they slipped.
+    /// The gyroscope's rotation and the wheels' translation; without the latter if their rotations disagree, since then
+    /// the wheels slipped.
     fn by_both(turn: Turn, motion: &Motion, confirmed: bool, seconds: f64) -> Self {
         let known = Self::by_gyro(turn, confirmed);
         let wheels = motion.later_from_earlier;
@@ -126,13 +126,13 @@ impl Known {
         }
     }
 
-    /// The pose `camera_from_world` after this motion, where all of it is known.
+    /// The pose `camera_from_world` after this motion, if its translation is known.
     pub(super) fn pose_after(&self, camera_from_world: &Se3) -> Option<Se3> {
         let shift = self.shift?.later_from_earlier;
         Some(Se3::new(self.turn.later_from_earlier, shift) * *camera_from_world)
     }
 
-    /// By how much a pose may turn otherwise, rad, and be elsewhere, m, `seconds` later.
+    /// Gates on the deviation in rotation, rad, and translation, m, after `seconds`.
     fn gates(&self, seconds: f64) -> [f64; 2] {
         let place = self.shift.map_or(f64::INFINITY, |s| {
             let speed = s.later_from_earlier.norm() / seconds.max(1e-3);
@@ -142,14 +142,15 @@ impl Known {
     }
 }
 
-/// By how much a motion may turn otherwise than a sensor says, rad.
+/// Gate on the deviation of a rotation from the sensor's, rad.
 fn gate(turn: &Turn, seconds: f64) -> f64 {
     let speed = turn.later_from_earlier.angle() / seconds.max(1e-3);
     GATE_SIGMAS * turn.sigma + GATE_POSE + GATE_TIME * speed
 }
 
 impl Tracker {
-    /// How the camera moved between two moments by the frames' clock, s. A sensor that has moved as the camera did is asked before one that has not yet.
+    /// Camera motion between two times on the frames' clock, s. Confirmed sensors take precedence over unconfirmed
+    /// ones.
     pub(super) fn known(&self, from: f64, to: f64) -> Option<Known> {
         let gyro = self.sensors.inertial.as_ref();
         let gyro = gyro.and_then(|i| Some((i.turn(from, to)?, i.is_confirmed())));
@@ -160,7 +161,7 @@ impl Tracker {
             (Some((turn, confirmed)), None) => Known::by_gyro(turn, confirmed),
             (Some((turn, true)), Some((_, false))) => Known::by_gyro(turn, true),
             (None | Some((_, false)), Some((motion, true))) => Known::by_wheels(&motion, true),
-            // Stuck wheels say so too, and a room that stands still needs no advocate.
+            // Stuck wheels look the same, and a static scene needs no sensor.
             (None, Some((motion, false))) if motion.is_idle() => return None,
             (None, Some((motion, false))) => Known::by_wheels(&motion, false),
             (Some((turn, confirmed)), Some((motion, _))) => {
@@ -169,18 +170,17 @@ impl Tracker {
         })
     }
 
-    /// The same since the last frame with a pose.
     pub(super) fn known_since_last(&self) -> Option<Known> {
         let last = self.state.tracked()?;
         self.known(last.time, self.front_end.clock.now())
     }
 
-    /// The same of what has moved as the camera did.
+    /// Likewise from confirmed sensors only.
     pub(super) fn trusted_since_last(&self) -> Option<Known> {
         self.known_since_last().filter(|k| k.confirmed)
     }
 
-    /// A prediction `camera_from_world` as sensors have it: all of it, or turned about the same place.
+    /// A prediction `camera_from_world` corrected by sensors: entirely, or in rotation about the predicted position.
     pub(super) fn moved(&self, predicted: Se3) -> Se3 {
         let (Some(known), Some(last)) = (self.trusted_since_last(), self.state.tracked()) else {
             return predicted;
@@ -194,7 +194,7 @@ impl Tracker {
         Se3::new(rotation, -(rotation * place))
     }
 
-    /// The motion from this frame to the last one, as far as sensors know it: what the vote of the flow is about.
+    /// Sensor motion from this frame to the last, as a constraint for the flow vote.
     pub(super) fn known_motion(&self, known: &Known) -> Option<KnownTurn> {
         let last = self.state.tracked()?;
         let [turn, place] = known.gates(self.front_end.clock.now() - last.time);
@@ -211,7 +211,7 @@ impl Tracker {
         })
     }
 
-    /// The pose `camera_from_world`, as sensors that are confirmed know it by the last one.
+    /// The pose `camera_from_world` predicted by confirmed sensors from the last one.
     pub(super) fn known_pose(&self) -> Option<KnownTurn> {
         let known = self.trusted_since_last()?;
         let last_from_world = self.state.tracked()?.world_from_camera.inverse();
@@ -228,18 +228,20 @@ impl Tracker {
         })
     }
 
-    /// The same while somebody may fill the view and a gyroscope, which does not slip, says how the camera turned: landmarks that he wears hold a pose no better.
+    /// Likewise while a person may fill the view and a gyroscope gives the rotation: then landmarks on the person must
+    /// not determine it.
     pub(super) fn known_pose_in_crowd(&self) -> Option<KnownTurn> {
         let known = self.trusted_since_last().filter(|k| k.by_gyro)?;
         self.known_pose().filter(|_| self.may_ride(&known))
     }
 
-    /// Whether it is for a sensor to say which motion is the camera's: a gyroscope that is confirmed, or wheels where much of what is seen moves.
+    /// Whether the gyroscope or wheel odometry decides between competing motion hypotheses: a confirmed gyroscope
+    /// always, confirmed wheels if much of the image moves.
     pub(super) fn rules(&self, known: &Known) -> bool {
         known.confirmed && (known.by_gyro || self.was_blind() || self.moving_share > CROWD)
     }
 
-    /// Whether a pose may be that of the camera, as far as a sensor tells that has a say in it.
+    /// Whether a pose is compatible with the sensors, if they decide.
     pub(super) fn may_be(&self, camera_from_world: &Se3) -> bool {
         let known = self.known_since_last().filter(|k| self.rules(k));
         let motion = known.and_then(|k| self.known_motion(&k));
@@ -249,7 +251,7 @@ impl Tracker {
         motion.allows(&(last.world_from_camera.inverse() * camera_from_world.inverse()))
     }
 
-    /// What a pose contradicts since poses that were taken, if anything: the gyroscope before the wheels.
+    /// Which sensor a pose contradicts relative to earlier poses, if any; the gyroscope takes precedence.
     fn contradicts(&self, camera_from_world: &Se3) -> Option<LostReason> {
         let now = self.front_end.clock.now();
         let differs = |age: f64| {
@@ -273,7 +275,8 @@ impl Tracker {
             .or(found.into_iter().flatten().next())
     }
 
-    /// A pose that moves as sensors say, or the vote's that does: most of what is seen may be somebody who walks along. Many landmarks overrule wheels.
+    /// Replaces a pose that contradicts the sensors by the bound vote: the majority of the image may be a person
+    /// walking along. Many landmarks overrule wheels.
     pub(super) fn refuse_riding(
         &self,
         motion: &EgoMotion,
@@ -285,7 +288,8 @@ impl Tracker {
             return Ok(fix);
         };
         let wheels = reason == LostReason::AgainstOdometry;
-        // At the beginning of a map, people are what most landmarks are of: there is a way back only where it is not known who moves.
+        // At the beginning of a map, most landmarks may be on people; backward tracking only happens while that is
+        // undecided.
         let may_ride = self.goes_back && self.moving_share > CROWD;
         let many = fix.matches.landmarks() >= HOLDING as usize;
         let borne_out = many && !may_ride && !self.was_blind();
@@ -295,13 +299,13 @@ impl Tracker {
         let enough = self.setup.tracking.min_inliers;
         let bound = motion.by_flow.as_ref();
         let bound = bound.filter(|v| v.is_bound && v.agreed >= enough);
-        // Step by step a vote may drift with somebody that a second tells apart.
+        // Frame by frame a vote may drift with a person; comparison over a second reveals it.
         let bound = bound.filter(|v| !wheels || self.contradicts(&v.camera_from_world).is_none());
         let vote: &Vote = bound.ok_or(reason)?;
         Ok(Self::follow_vote(vote, features))
     }
 
-    /// Learns from a pose that was taken what sensors err by, and whether they agree. Poses that hang on few landmarks do not tell.
+    /// Updates the sensors' calibration and trust with an accepted pose, if enough landmarks support it.
     pub(super) fn learn_motion(&mut self, notes: &Notes, world_from_camera: &Se3, measured: bool) {
         if self.sensors.inertial.is_none() && self.sensors.odometry.is_none() {
             return;
@@ -324,14 +328,13 @@ impl Tracker {
         }
     }
 
-    /// Nothing that was seen before can be compared with what comes.
+    /// Resets all comparisons with earlier poses.
     pub(super) fn forget_motions(&mut self) {
         self.sensors.carried = None;
         self.sensors.blind_at = None;
         self.interrupt_comparisons();
     }
 
-    /// Poses from before are those of another map.
     fn interrupt_comparisons(&mut self) {
         self.sensors.past_poses.forget();
         if let Some(inertial) = &mut self.sensors.inertial {
@@ -342,7 +345,7 @@ impl Tracker {
         }
     }
 
-    /// The world of the map is another one from now on.
+    /// Resets after a change of the map's world frame.
     pub(super) fn forget_world(&mut self) {
         self.forget_motions();
         if let Some(inertial) = &mut self.sensors.inertial {
@@ -350,7 +353,7 @@ impl Tracker {
         }
     }
 
-    /// The map was corrected: the last pose was moved from `before` to where it is now.
+    /// Handles a map correction that moved the last pose from `before` to its current value.
     pub(super) fn note_correction(&mut self, before: Option<Se3>) {
         let now = self.state.last().map(|l| l.world_from_camera);
         let Some((before, now)) = before.zip(now) else {
@@ -363,7 +366,8 @@ impl Tracker {
         }
     }
 
-    /// Hardly anything of what is seen moves as a sensor says that nothing has confirmed yet. Wheels are judged by the map alone: one group more that walks against them says little.
+    /// Records that most of the image contradicts an unconfirmed gyroscope. Wheels are judged by the map alone: another
+    /// moving group is weak evidence.
     pub(super) fn stand_against(&mut self, known: &Known) {
         if let Some(inertial) = self.sensors.inertial.as_mut().filter(|_| known.by_gyro) {
             inertial.stand_against();

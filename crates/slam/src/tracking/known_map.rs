@@ -1,4 +1,4 @@
-//! The map as the tracker knows it: a view, what of it is near, and the places that can be recognised in it.
+//! The tracker's view of the map, with caches and the place index.
 
 use super::local_map::LocalMap;
 use std::sync::Arc;
@@ -6,28 +6,26 @@ use stillpoint_imaging::FrameId;
 use stillpoint_map::{KeyframeId, MapView};
 use stillpoint_place::{PlaceIndex, Vocabulary};
 
-/// A view of the map with what is kept beside it.
+/// A view of the map with derived data.
 pub(super) struct KnownMap {
     pub(super) view: Arc<MapView>,
-    /// What the frame is expected to see.
+    /// Landmarks expected in the frame.
     pub(super) local: LocalMap,
-    /// What is around, where the local map is looked for again.
+    /// Landmarks around the pose, for recovering the local map.
     pub(super) surroundings: LocalMap,
     pub(super) places: RecognisablePlaces,
-    /// Whether frames become keyframes and new submaps are begun; else the map is only read.
+    /// Whether keyframes and submaps are created; otherwise the map is read-only.
     pub(super) grows: bool,
-    /// Keyframe ids count on from here: below are those of a map that was there before.
+    /// Offset of keyframe ids; lower ones belong to a map that existed before.
     first_keyframe: u32,
 }
 
-/// The places that can be recognised.
 pub(super) struct RecognisablePlaces {
     pub(super) vocabulary: Vocabulary,
     pub(super) index: PlaceIndex<KeyframeId>,
 }
 
 impl KnownMap {
-    /// A map that is there already, or an empty one.
     pub(super) fn new(view: Arc<MapView>, grows: bool) -> Self {
         Self {
             first_keyframe: view.keyframe_bound() as u32,
@@ -42,12 +40,11 @@ impl KnownMap {
         }
     }
 
-    /// Whether there is nothing to be tracked in.
     pub(super) fn is_empty(&self) -> bool {
         self.view.keyframe_count() == 0
     }
 
-    /// The id of the keyframe that a frame of this run may become.
+    /// Id of the keyframe that a frame of this run may become.
     pub(super) fn keyframe_id(&self, frame: FrameId) -> KeyframeId {
         KeyframeId(self.first_keyframe.saturating_add(frame.0))
     }

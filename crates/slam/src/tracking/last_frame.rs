@@ -1,4 +1,4 @@
-//! Matches to the last frame, or where that fails to the reference keyframe.
+//! Matches to the last frame, or if that fails to keyframes.
 
 use super::Tracker;
 use super::pose::PosePrior;
@@ -15,16 +15,17 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::FrameId;
 use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
 
-/// Radius of the search around the prediction from the last frame, px on level 0, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Search radius around the prediction from the last frame, px on level 0, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MOTION_RADIUS_PX: f32 = 15.0;
-/// If the last frame does not match, this many keyframes are tried that are most covisible with the reference keyframe: chosen, as each costs a
-/// comparison of all descriptors.
+/// If the last frame does not match, number of keyframes to try that are most covisible with the reference keyframe:
+/// chosen, as each costs a comparison of all descriptors.
 const COVISIBLE: usize = 8;
-/// If the last frame does not match, this many of the newest keyframes are tried: half of [`COVISIBLE`], chosen, as most of them are among those.
+/// If the last frame does not match, number of newest keyframes to try: half of [`COVISIBLE`], chosen, as most of them
+/// are among those.
 const NEWEST: usize = 4;
 
 impl Tracker {
-    /// Matches to the last frame around the prediction, else wider, else to the reference keyframe by descriptor alone.
+    /// Matches to the last frame around the prediction, else in wider windows, else to keyframes by descriptor alone.
     pub(super) fn match_last_frame(
         &mut self,
         frame: FrameId,
@@ -71,8 +72,8 @@ impl Tracker {
             .ok_or(LostReason::FewMatches)
     }
 
-    /// Matches to the keyframes where the camera may be, by descriptor alone: the reference keyframe, those that share most
-    /// with it, and the newest. The first that gives a pose is taken.
+    /// Matches by descriptor to the reference keyframe, its most covisible ones, and the newest. Takes the first that
+    /// gives a pose.
     fn match_keyframes(
         &mut self,
         frame: FrameId,
@@ -108,7 +109,7 @@ impl Tracker {
         None
     }
 
-    /// Matches to one keyframe by descriptor, finds the pose by RANSAC, and refines it.
+    /// Matches to one keyframe by descriptor, estimates the pose by RANSAC, and refines it.
     fn match_keyframe(
         &mut self,
         frame: FrameId,
@@ -157,10 +158,9 @@ impl Tracker {
         (matches.count >= min_inliers).then_some((matches, pose))
     }
 
-    /// The points that the last frame saw: landmarks, and where there is none the point behind its depth. The latter
-    /// are there at once, so a map view that comes late costs nothing.
+    /// Points seen in the last frame: landmarks, or temporary points from depth. The latter bridge a late map view.
     fn last_frame_points(&self, last: &LastFrame, points: &mut Vec<Candidate>) {
-        // While there is no landmark yet, what is far has to hold the turning.
+        // Before the first landmarks exist, distant points are needed to constrain rotation.
         let first = self.keyframes.first.is_some();
         let close = self.setup.sensor.close_depth;
         let point = |i: usize| {

@@ -1,4 +1,4 @@
-//! The part of the map that the frame is expected to see.
+//! The local map: landmarks expected in the frame.
 
 use super::Tracker;
 use super::ego_motion::EgoMotion;
@@ -14,21 +14,23 @@ use stillpoint_geometry::{Camera, Mat3, Se3, Vec3};
 use stillpoint_imaging::{RgbdFrame, workers};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, ScaleRange, SubmapId};
 
-/// Keyframes in the local map, at most: enough for every view of a desk, few enough to project per frame. It is half of the 80 in the code of
-/// ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Maximum number of keyframes in the local map: enough for every view of a desk, few enough to project per frame. It
+/// is half of the 80 in the code of ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MAX_KEYFRAMES: usize = 40;
-/// Factor on the radius (2.5 or 4 px) of the search for local landmarks. The pose before the filter is off by more than that of a scene in which all
-/// stands still. The code of ORB-SLAM2 (Mur-Artal, Tardos 2017), which has both radii, multiplies them by 1 for stereo cameras and by 3 for RGB-D.
+/// Factor on the radius (2.5 or 4 px) of the search for local landmarks. The pose before the filter is less accurate
+/// than in a static scene. The code of ORB-SLAM2 (Mur-Artal, Tardos 2017), which has both radii, multiplies them by 1
+/// for stereo cameras and by 3 for RGB-D.
 pub(super) const LOCAL_RADIUS: f32 = 2.0;
-/// Landmarks that are projected or looked at together, at least: chosen, so that a part outweighs what it costs to share it (decision 38).
+/// Minimum number of landmarks per thread: chosen, so that the work outweighs the cost of sharing it (decision 38).
 const SEARCHED_TOGETHER: usize = 250;
-/// Keyframes farther than this are not around, m (decision 18).
+/// Maximum distance of keyframes around a pose, m (decision 18).
 const AROUND_M: f64 = 1.5;
-/// Landmarks seen at more than 60 degrees from their mean viewing direction look different. The limit is that of ORB-SLAM2 (Mur-Artal,
-/// Tardos 2017), as are the range of distances and the expected level.
+/// Minimum cosine between a landmark's mean viewing direction and the current one; beyond 60 degrees it looks
+/// different. The limit is that of ORB-SLAM2 (Mur-Artal, Tardos 2017), as are the range of distances and the expected
+/// level.
 const MIN_VIEW_COSINE: f64 = 0.5;
 
-/// A landmark with all that projecting needs.
+/// A landmark with the data needed for projection.
 struct Entry {
     id: LandmarkId,
     position: Vec3,
@@ -37,30 +39,27 @@ struct Entry {
     descriptor: Descriptor,
 }
 
-/// The landmarks of the reference keyframe and its neighbours, cached while neither they nor the view change.
+/// Landmarks of the reference keyframe and its neighbours, cached until these or the view change.
 #[derive(Default)]
 pub(super) struct LocalMap {
     version: u64,
     keyframes: Vec<KeyframeId>,
     entries: Vec<Entry>,
-    /// Landmarks that match, or that were taken into `entries`.
+    /// Scratch set: matched landmarks, or those already in `entries`.
     marked: LandmarkSet,
     memory: Memory,
 }
 
-/// Memory that is used again from frame to frame.
 #[derive(Default)]
 struct Memory {
     candidates: Vec<KeyframeId>,
     shared: Vec<(u32, KeyframeId)>,
     keyframes: Vec<KeyframeId>,
-    /// Per entry.
     visible: Vec<Option<Visible>>,
     missed: Vec<(LandmarkId, Vec3)>,
     sights: Vec<Sight>,
 }
 
-/// Where to search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SearchArea<'a> {
     /// Bounds of undistorted pixels, `[min_x, min_y, max_x, max_y]`.
@@ -71,7 +70,6 @@ pub(super) struct SearchArea<'a> {
     pub(super) radius_px: f32,
 }
 
-/// What a search in the local map found.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LocalSearch {
     /// Landmarks in the field of view.
@@ -79,8 +77,8 @@ pub(super) struct LocalSearch {
 }
 
 impl Tracker {
-    /// Matches to the local map what does not match yet. Returns the new reference keyframe, all matches, and what was
-    /// seen of the landmarks.
+    /// Matches unmatched features to the local map. Returns the new reference keyframe, all matches, and the landmark
+    /// observations.
     pub(super) fn match_map(
         &mut self,
         frame: &RgbdFrame,
@@ -119,8 +117,8 @@ impl Tracker {
 }
 
 impl LocalMap {
-    /// Chooses the local keyframes by the landmarks that `matches` sees, and gathers their landmarks. Returns the new
-    /// reference keyframe: the one that shares most of them.
+    /// Selects the local keyframes from the landmarks in `matches` and gathers their landmarks. Returns the new
+    /// reference keyframe, which shares most of them.
     pub(super) fn update(
         &mut self,
         view: &Arc<MapView>,
@@ -182,8 +180,8 @@ impl LocalMap {
         best
     }
 
-    /// Chooses the keyframes of a submap from which about the same is seen as from a pose that may be off by some decimetres, and
-    /// gathers their landmarks, whatever the matches say.
+    /// Selects the keyframes of a submap with views similar to that of a pose uncertain by some decimetres, and gathers
+    /// their landmarks, regardless of matches.
     pub(super) fn update_around(
         &mut self,
         view: &Arc<MapView>,
@@ -198,7 +196,7 @@ impl LocalMap {
                 let pose = &k.world_from_camera;
                 let off = (pose.translation - camera.translation).norm();
                 let cosine = axis(pose).dot(&axis(&camera));
-                // A turn by 60 degrees counts as much as a metre.
+                // A rotation by 60 degrees counts as a metre.
                 (off < AROUND_M && cosine > 0.5).then_some((off + 2.0 * (1.0 - cosine), k.id))
             })
             .collect();
@@ -242,8 +240,8 @@ impl LocalMap {
         self.version = view.version();
     }
 
-    /// Searches the local landmarks that have no match yet around their projections; notes what is seen of all that are in
-    /// the field of view, by the depth image where they do not match.
+    /// Searches unmatched local landmarks around their projections, and reports the visibility of all that are in the
+    /// field of view, from the depth image if unmatched.
     pub(super) fn search(
         &mut self,
         data: &KeyframeData,
@@ -281,7 +279,7 @@ impl LocalMap {
             viewpoint.see(&self.entries[i])
         });
         let mut result = LocalSearch::default();
-        // Who took which feature decides what is left for the next: one after the other.
+        // Sequential, since matches compete for features.
         missed.clear();
         for (e, visible) in self.entries.iter().zip(visible) {
             let Some(visible) = visible else { continue };
@@ -290,7 +288,8 @@ impl LocalMap {
                 continue;
             }
             let level = level_at(&e.range, visible.distance, log_scale, top_level);
-            // A landmark seen from where it was seen before is where it should be: this angle and the two radii are ORB-SLAM2's.
+            // A landmark seen from its usual direction is well predicted: this angle and the two radii are those of
+            // ORB-SLAM2.
             let frontal = visible.cosine > 0.998;
             let expected = Expected {
                 landmark: e.id,
@@ -316,7 +315,6 @@ impl LocalMap {
     }
 }
 
-/// From where landmarks are looked at.
 struct Viewpoint<'a> {
     rotation: Mat3,
     translation: Vec3,
@@ -349,7 +347,7 @@ impl<'a> Viewpoint<'a> {
         }
     }
 
-    /// How a landmark looks from here; none when it is out of the image, or too near, far or oblique to be recognised.
+    /// Projects a landmark; `None` if outside the image, or too near, far or oblique to match.
     fn see(&self, e: &Entry) -> Option<Visible> {
         let point = self.rotation * e.position + self.translation;
         if point.z <= 0.05 {

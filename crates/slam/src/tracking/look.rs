@@ -1,4 +1,4 @@
-//! Frames judged without a map: what moves, for those who want to know nothing else.
+//! Tracking without a map, for [`DynamicMask`](crate::DynamicMask).
 
 use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
@@ -13,19 +13,18 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId};
 
-/// How long frames show enough and do not fit the last known pose until all starts over, s: a hand before the camera or a jerk may last as long.
-/// Chosen: ten frames of 30 Hz.
+/// Duration of well-textured frames without a pose after which tracking restarts, s: a hand in front of the camera or a
+/// jerk may last as long. Chosen: ten frames of 30 Hz.
 const PATIENCE: f64 = 0.33;
 
-/// What was found in a frame.
 pub(crate) struct Look {
-    /// Where the camera was; none where that is not known.
+    /// Camera pose, if known.
     pub(crate) world_from_camera: Option<Se3>,
     pub(crate) judgement: Judgement,
 }
 
 impl Tracker {
-    /// Judges a frame, with the camera at a pose that is given, or as its own image and depth say that it moved since the frame before.
+    /// Judges a frame, with the given camera pose or else the motion estimated since the last frame.
     pub(crate) fn look(&mut self, frame: &Arc<RgbdFrame>, given: Option<&Se3>) -> Look {
         let _span = tracing::info_span!("frame").entered();
         self.handle_clock(frame.stamp);
@@ -67,17 +66,16 @@ impl Tracker {
         }
     }
 
-    /// Takes detections of the frame `next` to come, or of one that was looked at.
+    /// Takes detections of the next frame `next`, or of an earlier one.
     pub(crate) fn take_detections(&mut self, detections: Detections, next: FrameId) {
         if detections.frame >= next {
             self.filter.receive(detections);
         } else {
-            // There are no keyframes whose features could be judged again.
+            // There are no keyframes to judge again.
             self.filter.take_late(&detections, &self.map.view, None);
         }
     }
 
-    /// What the filter says of any pixels of the frame that was looked at last.
     pub(crate) fn judge_pixels(
         &self,
         frame: &RgbdFrame,
@@ -87,7 +85,6 @@ impl Tracker {
         self.filter.judge_pixels(frame, objects, pixels)
     }
 
-    /// The camera's motion; none where it cannot be estimated.
     fn motion_without_map(
         &mut self,
         frame: &RgbdFrame,
@@ -121,7 +118,7 @@ impl Tracker {
             .ok()
     }
 
-    /// Optimises the pose with what stands still, unless it is given, and follows the camera from there. Returns the pose.
+    /// Optimises the pose with static features, unless it is given, and stores it for the next frame. Returns the pose.
     fn settle_without_map(
         &mut self,
         frame: &RgbdFrame,
@@ -157,7 +154,7 @@ impl Tracker {
                 time: self.front_end.clock.times(frame).colour,
                 matches: vec![None; data.len()],
                 data,
-                // There is no map that it could follow.
+                // Without a map, the anchor is nominal.
                 pose: AnchoredPose {
                     keyframe: None,
                     reference: KeyframeId(0),
@@ -171,8 +168,8 @@ impl Tracker {
         world_from_camera
     }
 
-    /// A frame without a pose. Where there are too many in a row, the next one starts over, since poses before and after it cannot
-    /// be compared.
+    /// Handles a frame without a pose. After too many in a row tracking restarts at the origin, since poses before and
+    /// after are not comparable.
     fn lose_without_map(&mut self, frame: &RgbdFrame, features: usize) {
         self.state.lose(frame.id);
         let shows_enough = features >= MIN_INITIAL_POINTS;

@@ -1,4 +1,4 @@
-//! Memory that tracking a frame takes, used again from frame to frame: it holds nothing that is known.
+//! Buffers of tracking, reused from frame to frame.
 
 use super::ego_motion::EgoMotion;
 use super::flow::Guess;
@@ -11,18 +11,16 @@ use crate::recycle::Lists;
 use crate::static_filter::{self, FlowPair};
 use stillpoint_map::LandmarkId;
 
-/// A memory for each part of the way of a frame.
 #[derive(Default)]
 pub(super) struct Memory {
     pub(super) filter: static_filter::Memory,
     pub(super) solver: PoseSolver,
     pub(super) vote: VoteMemory,
     pub(super) matching: MatchMemory,
-    /// What the last frame saw.
+    /// Points seen in the last frame.
     pub(super) candidates: Vec<Candidate>,
-    /// Raw pixels of features.
     pub(super) pixels: Vec<[f32; 2]>,
-    /// Features that are looked at again, with where they are expected, raw px.
+    /// Features to search again, with predicted raw pixels.
     pub(super) again: Vec<Guess>,
     pub(super) pairs: Lists<Option<FlowPair>>,
     pub(super) guesses: Lists<Guess>,
@@ -33,7 +31,6 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Takes back what a motion was found from.
     pub(super) fn give(&mut self, motion: EgoMotion) {
         self.matching.targets.give(motion.matches.targets);
         self.pairs.give(motion.pairs);

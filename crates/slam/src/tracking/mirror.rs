@@ -1,6 +1,6 @@
-//! A tracker that goes back in time: over frames that were tracked already, from one on at which it was known who moves.
+//! A tracker that runs backwards over frames already tracked, from one at which it was known which surfaces move.
 //!
-//! Its frames come newest first, with stamps mirrored at that frame's.
+//! Frames come newest first, with stamps mirrored at that frame's.
 
 use super::Tracker;
 use super::motion::CameraMotion;
@@ -13,13 +13,12 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, SubmapId};
 
-/// What the tracker knew at a frame that became a keyframe: from there one can go back.
+/// State of the tracker at a keyframe from which to track backwards.
 pub(crate) struct TurningPoint {
     pub(crate) keyframe: KeyframeId,
     pub(crate) frame: FrameId,
     /// s.
     pub(crate) stamp: f64,
-    /// The submap that it was in.
     pub(crate) submap: Option<SubmapId>,
     filter: StaticFilter,
     motion: CameraMotion,
@@ -28,17 +27,16 @@ pub(crate) struct TurningPoint {
 }
 
 impl Tracker {
-    /// Whether it is found out in time who moves, by a filter that begins without knowing, and in a map that grows.
+    /// Whether retracing applies: the filter learns in time which surfaces move, and the map is not read-only.
     pub(crate) fn learns_who_moves(&self) -> bool {
         self.filter.learns_who_moves() && self.map.grows
     }
 
-    /// The next frame with a pose becomes a keyframe.
     pub(crate) fn want_keyframe(&mut self) {
         self.keyframes.wanted = true;
     }
 
-    /// What is known at the last frame. None where that has no pose, or became no keyframe.
+    /// State at the last frame; `None` if it has no pose or did not become a keyframe.
     pub(crate) fn turning_point(&self) -> Option<TurningPoint> {
         let State::Tracking { last, motion } = &self.state else {
             return None;
@@ -55,15 +53,16 @@ impl Tracker {
         })
     }
 
-    /// A tracker of the frames before a turning point, in a map that holds its keyframe. It knows of the shutter what this one knows,
-    /// and of what moves what was known then. `image` is that of the turning point. None when the map does not hold it.
+    /// A tracker for the frames before a turning point, in a map that holds its keyframe, with this tracker's shutter
+    /// estimate and the filter state of the turning point. `image` is that of the turning point. `None` if the map does
+    /// not hold the keyframe.
     pub(crate) fn mirrored(
         &self,
         point: &TurningPoint,
         image: &Arc<RgbdFrame>,
         view: Arc<MapView>,
     ) -> Option<Self> {
-        // As all frames of the way back.
+        // Mirrored like all frames of the backward pass.
         let image = &Arc::new(RgbdFrame {
             id: FrameId(0),
             depth_stamp: 2.0 * point.stamp - image.depth_stamp,
@@ -77,7 +76,7 @@ impl Tracker {
             .front_end
             .mirrored(&self.setup, point.stamp, self.front_end.simd);
         mirrored.front_end.clock.take(image);
-        // The flow of the next frame ends in this image.
+        // Flow of the next frame refers to this image.
         mirrored.front_end.observe(image);
         let pose = AnchoredPose {
             keyframe: Some(point.keyframe),
@@ -97,7 +96,7 @@ impl Tracker {
             },
             motion: point.motion.reversed(),
         };
-        // Much of what the first frames show was seen by no frame after: whom it belongs to is asked as at every beginning.
+        // Much of the first frames was not seen later: the beginning counts as undecided here as well.
         mirrored.beginning.stamp = point.stamp;
         mirrored.sensors.inertial = self
             .sensors
@@ -115,12 +114,11 @@ impl Tracker {
         Some(mirrored)
     }
 
-    /// The id of the keyframe that a frame of this run may have become.
+    /// Id of the keyframe that a frame of this run may have become.
     pub(crate) fn keyframe_id(&self, frame: FrameId) -> KeyframeId {
         self.map.keyframe_id(frame)
     }
 
-    /// Replaces the part of the trajectory from one frame to another.
     pub(crate) fn repose(&mut self, first: FrameId, last: FrameId, entries: Vec<TrajectoryEntry>) {
         self.trajectory.replace(first, last, entries);
     }

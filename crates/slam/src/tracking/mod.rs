@@ -1,6 +1,6 @@
-//! Tracking: the pose of every frame, and which frames the map needs.
+//! Tracking: estimates the pose of every frame and selects keyframes.
 //!
-//! Owns the motion model and the last frame; sees the map only as a view. Does not change the map.
+//! Owns the motion model and the last frame; reads the map through views.
 
 mod carry;
 mod choice;
@@ -73,25 +73,24 @@ pub struct Tracker {
     state: State,
     beginning: Beginning,
     keyframes: Keyframes,
-    /// How fast frames come.
     pace: Pace,
-    /// Share of the keypoints that moved in the frame before.
+    /// Share of moving keypoints in the last frame.
     moving_share: f64,
     images: Images,
     trajectory: Trajectory,
     workers: Workers,
     sensors: Sensors,
-    /// Whether it follows the beginning of a map backwards.
+    /// Whether it tracks the beginning of a map backwards.
     goes_back: bool,
     memory: Memory,
 }
 
-/// The submap that the last pose was in, and how it began.
+/// The current submap and its beginning.
 struct Beginning {
     submap: Option<SubmapId>,
-    /// When that was, s.
+    /// Start, s.
     stamp: f64,
-    /// Whether hardly anything moved then.
+    /// Whether hardly anything moved at its start.
     quiet: bool,
 }
 
@@ -105,65 +104,62 @@ impl Default for Beginning {
     }
 }
 
-/// Which frames become keyframes.
 #[derive(Default)]
 struct Keyframes {
     since: SinceKeyframe,
-    /// Whether the next frame with a pose becomes one, needed or not.
+    /// Whether the next frame with a pose becomes a keyframe regardless of need.
     wanted: bool,
-    /// That which begins a map or a submap, while it waits for the next frame.
+    /// The first keyframe of a map or submap, waiting for the next frame.
     first: Option<NewKeyframe>,
 }
 
-/// The images that came before.
 #[derive(Default)]
 struct Images {
-    /// The frame before that was a new view, whatever became of it.
+    /// The last frame with a new view, tracked or not.
     previous: Option<Arc<RgbdFrame>>,
-    /// Which images stand still.
     watch: StillWatch,
-    /// The first frame without a new view.
+    /// First frame of the current sequence of repeated images.
     repeated: Option<FrameId>,
 }
 
-/// What is noted of a frame on its way.
+/// Results collected while processing a frame.
 #[derive(Clone, Default)]
 struct Notes {
     still: Option<Standstill>,
     counts: FrameCounts,
     judgement: Judgement,
-    /// The static filter as of this frame, once it was asked: it takes the place of the one before when the frame ends.
+    /// The static filter after judging this frame, adopted when the frame ends.
     filter: Option<StaticFilter>,
     evidence: Evidence,
-    /// The vote of motions that sensors allow.
+    /// The motion vote bound to the sensors.
     bound: Option<Vote>,
 }
 
-/// A pose and the matches that agree with it.
+/// A pose with its inlier matches.
 struct Fix {
     camera_from_world: Se3,
     matches: Matches,
-    /// How many of the matches speak for the pose.
+    /// Number of supporting matches.
     inliers: usize,
-    /// How many matches the pose was sought from.
+    /// Number of matches before optimisation.
     matched: usize,
     precision: Precision,
-    /// What was seen of the landmarks; empty where the map does not bear the pose out.
+    /// Landmark observations; empty if the map does not confirm the pose.
     sightings: Sightings,
 }
 
-/// A pose with all that led to it.
+/// A pose with all data behind it.
 struct Solution {
     data: Arc<KeyframeData>,
     camera_from_world: Se3,
     reference: KeyframeId,
     matches: Vec<Option<LandmarkId>>,
     sightings: Sightings,
-    /// What `data` was measured with.
+    /// Exposure assumed for `data`.
     exposure: Exposure,
-    /// What stands still since the frame before, where flow tells.
+    /// Static flow pairs since the last frame, if available.
     followed: Vec<RowPair>,
-    /// The keyframe whose place was recognised, where the camera was not just followed.
+    /// The recognised keyframe, if relocalised.
     recognised: Option<KeyframeId>,
 }
 
@@ -191,14 +187,14 @@ impl Tracker {
         }
     }
 
-    /// The tracker in a map that is there already: it is lost until it recognises a place. Unless the map `grows`, it is only read.
+    /// Starts in an existing map: lost until a place is recognised. The map is read-only unless it `grows`.
     #[must_use]
     pub fn in_map(mut self, view: Arc<MapView>, grows: bool) -> Self {
         self.map = KnownMap::new(view, grows);
         self
     }
 
-    /// The tracker with threads that share its work on a frame. What it finds is the same, bit for bit.
+    /// Shares the work on a frame among threads. Results stay bit-identical.
     #[must_use]
     pub fn with_workers(mut self, workers: Workers) -> Self {
         self.workers = workers;
@@ -231,7 +227,7 @@ impl Tracker {
             self.begin_submap(frame, &data, &mut notes)
         } else {
             let followed = self.locate(frame, &data, &mut notes);
-            // At the first frame that fails: the longer the camera is lost, the less is known of where it can be.
+            // Immediately: the longer the camera is lost, the less its position is constrained.
             match followed.or_else(|reason| self.relocalise(frame, &data, reason, &mut notes)) {
                 Ok(solution) => self.accept(frame, solution, &notes),
                 Err(reason) => match self.carry(frame, &data, &mut notes) {
@@ -244,7 +240,7 @@ impl Tracker {
         self.conclude(frame, notes, ending)
     }
 
-    /// What of a frame stands still. Frames that come newest first were judged on their way here.
+    /// Detects repeated images. Backward tracking repeats frames that were already checked.
     fn watch(&mut self, frame: &Arc<RgbdFrame>) -> Option<Standstill> {
         if self.goes_back {
             return None;
@@ -252,18 +248,18 @@ impl Tracker {
         self.images.watch.look(frame)
     }
 
-    /// The frame that was tracked last, as it was tracked: without a depth image that stands still.
+    /// The last tracked frame as used: without a repeated depth image.
     pub(crate) fn as_tracked(&self, frame: &Arc<RgbdFrame>) -> Arc<RgbdFrame> {
         let own = self.images.previous.as_ref().filter(|p| p.id == frame.id);
         Arc::clone(own.unwrap_or(frame))
     }
 
-    /// Whether there is nothing yet that a frame could be tracked in.
+    /// Whether the next frame starts a map.
     fn is_first(&self) -> bool {
         self.state.last().is_none() && self.map.is_empty() && self.map.grows
     }
 
-    /// Finds the pose from what stands still of the features `data`, following the camera from the frame before.
+    /// Estimates the pose from the static features of `data`, tracking from the last frame.
     fn locate(
         &mut self,
         frame: &RgbdFrame,
@@ -281,7 +277,7 @@ impl Tracker {
         solution
     }
 
-    /// From a first pose to the pose: filters, matches the local map, optimises.
+    /// From a first pose to the final one: static filter, local map, optimisation.
     fn settle(
         &mut self,
         frame: &RgbdFrame,
@@ -294,7 +290,7 @@ impl Tracker {
         let (reference, matches, sightings) =
             self.match_map(frame, &data, reference, motion, matches, &mut notes.counts);
         let fix = self.refine(&data, reference, motion, matches, sightings);
-        // The map before the flow: poses from flow drift, those from the map do not.
+        // Map before flow: poses from flow drift, those from the map do not.
         let fix = self.regain_map_when_starved(frame.id, &data, fix);
         let fix = self.bridge_when_starved(&data, motion, &notes.judgement.verdicts, fix);
         let fix = self.refuse_riding(motion, fix, data.len())?;
@@ -306,7 +302,6 @@ impl Tracker {
         Ok(solution)
     }
 
-    /// Optimises the pose with all matches, and learns from it.
     fn refine(
         &mut self,
         data: &KeyframeData,
@@ -317,7 +312,7 @@ impl Tracker {
     ) -> Fix {
         let matched = matches.count;
         let start = &motion.camera_from_world;
-        // Few landmarks hold a pose less well than sensors do, and many that somebody wears no better.
+        // With few landmarks sensors are more accurate, and many may be on a person.
         let few = matched < known::FEW || self.was_blind();
         let prior = PosePrior {
             turn: self
@@ -331,9 +326,9 @@ impl Tracker {
             .memory
             .solver
             .solve_with_precision(data, start, matches, prior);
-        // Found is what agrees with the refined pose, not all that was matched.
+        // A landmark counts as found only if it is an inlier of the refined pose.
         sightings.found(&matches);
-        // Until the first view of a new submap arrives, the last frame's own points are what there is to track.
+        // Until the first view of a new submap arrives, only temporary points exist.
         let inliers = if self.map.view.resolve_keyframe(reference).is_none() {
             matches.count
         } else {
@@ -349,7 +344,7 @@ impl Tracker {
         }
     }
 
-    /// Takes the pose if enough speaks for it.
+    /// Accepts the pose if it has enough inliers.
     fn confirm(
         &mut self,
         data: Arc<KeyframeData>,

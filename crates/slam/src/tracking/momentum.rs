@@ -1,7 +1,7 @@
-//! The camera's momentum: whatever carries it, its velocity changes by what that can accelerate it by, and not by what a frame errs by.
+//! Motion model of the camera's position: bounded acceleration limits velocity changes between frames.
 //!
-//! A Kalman filter over place and velocity. In a fast turn a shift by centimetres and a part of a degree look nearly the same, above all where most of what is seen
-//! is new or walks; the velocity of the tenths of a second before tells them apart.
+//! A Kalman filter over position and velocity. In a fast turn a small translation and a small rotation look nearly the
+//! same, above all where most of the image is new or moves; the recent velocity tells them apart.
 
 use super::Tracker;
 use super::motion::CameraMotion;
@@ -9,67 +9,69 @@ use super::vote::{SOME_MOVE, UNDECIDED};
 use stillpoint_estimation::KnownPlace;
 use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3};
 
-/// A camera is accelerated by so much, m/s^2, one standard deviation along each axis: one in a hand by 0.6 in the median and by
+/// Acceleration of a camera, m/s^2, one standard deviation along each axis: one in a hand by 0.6 in the median and by
 /// 1.7 at most in nine tenths of the time (fr1_xyz, fr1_rpy and kitchen, by their ground truth).
 const ACCELERATION: f64 = 1.5;
-/// Time within which a new acceleration is learned, s: decision 44. Without learning, a scene with a carrier that jolts has 3.8 mm instead of 1.6
-/// (decision 54).
+/// Time within which a new acceleration is learned, s: decision 44. Without learning, a scene with a carrier that jolts
+/// has 3.8 mm instead of 1.6 (decision 54).
 const LEARNT_WITHIN: f64 = 0.3;
-/// Largest relative change of the variance that one frame may suggest, a factor: single frames err. Chosen: that of a place three standard deviations
-/// away, whose square is nine times the expected one.
+/// Largest relative change of the variance from a single frame, a factor, since single frames err. Chosen: that of a
+/// position three standard deviations away, whose square is nine times the expected one.
 const MOST_CHANGE: f64 = 8.0;
-/// Largest acceleration that is learned, m/s^2: ten times [`ACCELERATION`], and about twice the 7 m/s^2 of a simulated carrier that jolts
-/// (docs/simulator.md).
+/// Largest acceleration that is learned, m/s^2: ten times [`ACCELERATION`], and about twice the 7 m/s^2 of a simulated
+/// carrier that jolts (docs/simulator.md).
 const MOST_ACCELERATION: f64 = 15.0;
-/// Prior of the camera's velocity before anything is known, m/s, one standard deviation along each axis: wide enough for nearly any camera. A prior of half
-/// a metre per second, which is much for a hand, biases the poses of a hand that moves as fast.
+/// Prior of the camera's velocity before anything is known, m/s, one standard deviation along each axis: wide enough
+/// for nearly any camera. A prior of half a metre per second, which is much for a hand, biases the poses of a hand that
+/// moves as fast.
 const SPEED: f64 = 3.0;
-/// A place that is farther from where it was expected than so many standard deviations was found otherwise than by following: by chi-square with
-/// three degrees of freedom, chance does so once in 65 000 frames.
+/// Maximum Mahalanobis distance (standard deviations) between predicted and observed position; beyond it the pose did
+/// not come from tracking. By chi-square with three degrees of freedom, chance exceeds it once in 65 000 frames.
 const GATE_SIGMAS: f64 = 5.0;
 
-/// Factor by which the error of a pose exceeds what the variances of its matches tell: a person who walks, or blur, shifts many of them alike.
+/// Factor on pose errors beyond the variances of the matches: a walking person, or blur, shifts many of them alike.
 /// Measured: with 1.0 the worst start has 58 mm, with 2.5 `kitchen` misses its bar (decision 44).
 const POSE_FACTOR: f64 = 1.5;
-/// Factor that an unsteady shutter adds in quadrature to the error of a pose, per pixel by which it shifts the rows a quarter of the image from the
-/// middle: poses that are trusted as much in a turn as at rest have a worst start of 74 mm (decision 44).
+/// Factor added in quadrature for an unsteady rotation under rolling shutter, per pixel of displacement of rows a
+/// quarter of the image from the middle: poses that are trusted as much in a turn as at rest have a worst start of 74
+/// mm (decision 44).
 const UNSTEADY_FACTOR: f64 = 2.5;
-/// Factor by which the error of a vote of the flow exceeds what the variances of its pairs tell, for the same reason, and as large as
+/// Factor on errors of flow votes beyond the variances of the pairs, for the same reason, and as large as
 /// [`POSE_FACTOR`].
 const VOTE_FACTOR: f64 = 1.5;
-/// Factor that people add in quadrature to the error of a pose or vote, times the share of the view that moves. The more people are in view, the more
-/// of them pass for the room, and all points of one person err alike from frame to frame (decision 45; without it and [`UNSTEADY_FACTOR`] crowds have
-/// 1.1 to 1.9 times the error, decision 54).
+/// Factor added in quadrature to the error of a pose or vote, times the moving share of the view. The more people are
+/// in view, the more of them are taken for static, and all points of a person err alike from frame to frame (decision
+/// 45; without it and [`UNSTEADY_FACTOR`] crowds have 1.1 to 1.9 times the error, decision 54).
 const CROWD_FACTOR: f64 = 5.0;
-/// The camera's acceleration is learned only from poses where the unsteady shutter moves rows by less than this, px: chosen, as much as flow errs by
-/// (`flow::SIGMA_PX`).
+/// Maximum rolling-shutter displacement by unsteady rotation for a pose to update the acceleration, px: chosen, as much
+/// as flow errs by (`flow::SIGMA_PX`).
 const CALM_PX: f64 = 0.5;
-/// Nobody is about when a map is begun where no more than a tenth moves for so long, s (decision 44).
+/// Duration after the start of a map with at most a tenth moving from which the scene counts as free of people, s
+/// (decision 44).
 const QUIET: f64 = 0.5;
 
-/// What is known of the camera's velocity at a pose.
+/// Motion state at a pose.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Momentum {
     /// In the map, m/s.
     velocity: Vec3,
-    /// Covariance of the place, m^2.
+    /// Covariance of the position, m^2.
     place: Mat3,
-    /// Covariance of place (rows) and velocity (columns), m^2/s.
+    /// Covariance of position (rows) and velocity (columns), m^2/s.
     cross: Mat3,
     /// Covariance of the velocity, m^2/s^2.
     spread: Mat3,
-    /// What it is accelerated by of late, m/s^2, one standard deviation along each axis.
+    /// Learned acceleration, m/s^2, one standard deviation along each axis.
     acceleration: f64,
 }
 
-/// Where a camera is expected that is followed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Expected {
-    /// By how much it has moved on, in the map, m.
+    /// Predicted translation, in the map, m.
     shift: Vec3,
     /// Covariance of `shift`, m^2.
     moved: Mat3,
-    /// Its momentum, unless its place tells more.
+    /// State without a new measurement.
     momentum: Momentum,
     /// s.
     dt: f64,
@@ -88,7 +90,7 @@ impl Default for Momentum {
 }
 
 impl Momentum {
-    /// What is expected `dt` seconds later, when nothing is seen: somewhere in between it was accelerated.
+    /// Prediction `dt` seconds later, with an acceleration at an unknown time in between.
     pub(super) fn expect(&self, dt: f64) -> Expected {
         let change = self.acceleration * dt;
         let noise = |scale: f64| Mat3::from_diagonal_element(change * change * scale);
@@ -107,7 +109,7 @@ impl Momentum {
         }
     }
 
-    /// What is left of it where it may be somebody else's: next to nothing.
+    /// A nearly uninformative state, for when the velocity may be that of a moving object.
     fn forgotten(&self) -> Self {
         Self {
             place: self.place,
@@ -116,7 +118,7 @@ impl Momentum {
         }
     }
 
-    /// The momentum of a camera that goes back the way that it came.
+    /// The state for tracking backwards.
     pub(super) fn reversed(&self) -> Self {
         Self {
             velocity: -self.velocity,
@@ -127,13 +129,12 @@ impl Momentum {
 }
 
 impl Expected {
-    /// Covariance of the place where it is expected, m^2.
     pub(super) fn place(&self) -> &Mat3 {
         &self.momentum.place
     }
 
-    /// The momentum at a place that is `off` from where it was expected, m, and known by `covariance`, m^2, with all that was expected.
-    /// Where it `tells`, so does how far that is of how the camera is accelerated.
+    /// Kalman update: the position is `off` from the prediction, m, with posterior `covariance`, m^2. If it `tells`,
+    /// the innovation also updates the acceleration.
     pub(super) fn found(&self, off: &Vec3, covariance: Option<Mat3>, tells: bool) -> Momentum {
         let expected = &self.momentum;
         let Some((covariance, inverse)) = covariance.zip(expected.place.try_inverse()) else {
@@ -163,7 +164,7 @@ impl Expected {
         }
     }
 
-    /// What the camera is accelerated by, m/s^2, seen from a place that is `off` from where it was expected: of all that should differ, so much did.
+    /// Acceleration, m/s^2, updated from the ratio of squared innovation to its expectation.
     fn accelerated(&self, off: &Vec3, covariance: &Mat3) -> f64 {
         let before = self.momentum.acceleration;
         let expected = (self.momentum.place - covariance).trace();
@@ -177,7 +178,7 @@ impl Expected {
 }
 
 impl Tracker {
-    /// Where the camera is expected at the present frame, in the newest view; none where it is not followed.
+    /// Predicted position and state at the current frame, in the newest view; `None` without tracking.
     fn expected(&self) -> Option<(Vec3, Expected)> {
         let last = self.state.tracked()?;
         let dt = self.front_end.clock.now() - last.time;
@@ -192,7 +193,7 @@ impl Tracker {
         ))
     }
 
-    /// Notes how much moves at a frame, which is so old since the map or submap was begun, s.
+    /// Records motion in a frame `age` seconds after the start of the map or submap.
     pub(super) fn note_quiet(&mut self, age: f64) {
         if age <= 0.0 {
             self.beginning.quiet = true;
@@ -202,8 +203,8 @@ impl Tracker {
         }
     }
 
-    /// Whether the momentum is that of the camera: where people were about when a map or submap was begun, it may be theirs until it is known who moves. A way
-    /// back begins where it is.
+    /// Whether the velocity is reliably that of the camera: with people at the start of a map or submap it may be
+    /// theirs until it is known which surfaces move. Always true when tracking backwards.
     pub(super) fn knows_momentum(&self) -> bool {
         let age = self
             .state
@@ -212,7 +213,7 @@ impl Tracker {
         self.goes_back || age >= UNDECIDED || (self.beginning.quiet && age >= QUIET)
     }
 
-    /// What the camera's momentum says of the place of a pose that turns about as `camera_from_world`, as its matches see it.
+    /// Position prior from the motion model, for a pose with the rotation of `camera_from_world`.
     pub(super) fn known_place(&self, camera_from_world: &Se3) -> Option<KnownPlace> {
         let (place, expected) = self.expected().filter(|_| !self.wheels_tell())?;
         let r = camera_from_world.rotation_matrix();
@@ -225,26 +226,26 @@ impl Tracker {
         })
     }
 
-    /// Whether wheels that are confirmed tell how the camera moves: they know of a base that stops, which momentum does not.
+    /// Whether confirmed wheels give the translation: they notice a base that stops, which the motion model does not.
     fn wheels_tell(&self) -> bool {
         self.trusted_since_last().is_some_and(|k| k.shift.is_some())
     }
 
-    /// By how much the shutter's unsteadiness moves rows that are a quarter of the image away from its middle, px.
+    /// Rolling-shutter displacement by unsteady rotation of rows a quarter of the image from the middle, px.
     fn unsteady_px(&self, camera_from_world: &Se3) -> f64 {
         let unsteady = self.motion_to(camera_from_world).unsteadiness();
         let camera = &self.front_end.observer.camera;
         self.front_end.shutter().sigma_px(camera.cy * 0.5, unsteady)
     }
 
-    /// By how much poses err more than their matches' variances tell, squared.
+    /// Squared factor on pose errors beyond their matches' variances.
     fn pose_factor(&self, unsteady_px: f64) -> f64 {
         let unsteady = UNSTEADY_FACTOR * unsteady_px;
         POSE_FACTOR * POSE_FACTOR + unsteady * unsteady + self.crowd_factor()
     }
 
-    /// The part of it, squared, that is due to people who pass for the room. On a way back there is none: what leans on its momentum rides smoothly on
-    /// whom it rides on, and then nothing tells that it does.
+    /// The part of it, squared, due to people taken for static. Zero when tracking backwards: relying on the motion
+    /// model there would smooth a pose that follows a person, and hide it.
     fn crowd_factor(&self) -> f64 {
         if self.goes_back {
             return 0.0;
@@ -253,7 +254,8 @@ impl Tracker {
         crowd * crowd
     }
 
-    /// What it says of the motion from this frame to the last one, as the vote of the flow sees it: nothing on a way back, whose votes are to find out who moves.
+    /// Translation prior for the flow vote, from this frame to the last. `None` when tracking backwards, where votes
+    /// must reveal which surfaces move.
     pub(super) fn known_shift(&self) -> Option<KnownPlace> {
         let last = self.state.tracked().filter(|_| !self.goes_back)?;
         let (_, expected) = self.expected().filter(|_| !self.wheels_tell())?;
@@ -267,7 +269,8 @@ impl Tracker {
         })
     }
 
-    /// The camera's motion once a pose is taken, with its momentum; without `information` of its matches nothing new is known of that.
+    /// Camera motion after a pose was accepted, with the updated state; without `information` there is no measurement
+    /// update.
     pub(super) fn moved_to(
         &self,
         camera_from_world: &Se3,

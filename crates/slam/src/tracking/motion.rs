@@ -1,34 +1,34 @@
-//! How the camera moves, in time rather than in frames: where it is expected to be, and how fast it moves at a stamp.
+//! Camera motion in time: pose prediction and velocity at a stamp.
 
 use super::momentum::Momentum;
 use stillpoint_geometry::{Se3, Vec3, Vec6};
 
-/// While no change of turning is known, it may have begun within the frame: a share of the turning, chosen, as a turn that began at any time of the
-/// frame is half of it off in the mean.
+/// Relative uncertainty of the angular velocity in the first interval, when the rotation may have begun within the
+/// frame: a share of the turning, chosen, as a turn that began at any time of the frame is half of it off in the mean.
 const UNSTEADY_FIRST: f64 = 0.5;
-/// The next change of the turning rate may differ from the last change by this share of it: chosen on the recordings of decision 23; without the
-/// deviation fr1_rpy_walkers loses 35 frames (decision 54).
+/// Uncertainty of the next change of angular velocity, as a share of the last change: chosen on the recordings of
+/// decision 23; without the deviation fr1_rpy_walkers loses 35 frames (decision 54).
 const UNSTEADY_CHANGE: f64 = 0.5;
-/// The next change of the turning rate may differ in addition by this share of the rate: a fast turn is not steady. Chosen with [`UNSTEADY_CHANGE`]
-/// on the recordings of decision 23.
+/// Additional uncertainty, as a share of the angular velocity: fast rotations are unsteady. Chosen with
+/// [`UNSTEADY_CHANGE`] on the recordings of decision 23.
 const UNSTEADY_TURN: f64 = 0.2;
 
-/// Where a gyroscope tells the turning at both poses, the share of its change that is left: rows are exposed for less than a frame's time. Chosen: 10
-/// ms of exposure are this share of 33.
+/// Remaining uncertainty with a gyroscope at both poses, as a share of the change: rows are exposed for less than a
+/// frame's time. Chosen: 10 ms of exposure are this share of 33.
 const UNSTEADY_MEASURED: f64 = 0.3;
 
-/// The camera's motion over the intervals between the last poses. Twists are per second, of `camera_later_from_camera_earlier`.
+/// Camera motion over the intervals between the last poses. Twists are per second, of
+/// `camera_later_from_camera_earlier`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct CameraMotion {
     last: Option<Interval>,
     before: Option<Interval>,
-    /// How fast it turns at the pose before the last and at the last one, rad/s, where a gyroscope tells.
+    /// Angular velocities at the pose before the last and at the last one, rad/s, from a gyroscope.
     turning: Option<[Vec3; 2]>,
-    /// How the camera's place goes on from the last pose that was taken.
+    /// Motion model of the position, at the last accepted pose.
     momentum: Momentum,
 }
 
-/// The mean velocity between two poses.
 #[derive(Clone, Copy, Debug)]
 struct Interval {
     velocity: Vec6,
@@ -37,7 +37,7 @@ struct Interval {
 }
 
 impl CameraMotion {
-    /// The motion once the camera has got from one pose to another of one map view, `seconds` later.
+    /// The motion after moving from one pose to another of the same map view within `seconds`.
     pub(super) fn followed_by(
         &self,
         last_from_world: &Se3,
@@ -56,28 +56,27 @@ impl CameraMotion {
         }
     }
 
-    /// The same motion, with what is known of the camera's momentum at its last pose.
+    /// Sets the motion model state at the last pose.
     pub(super) fn with(self, momentum: Momentum) -> Self {
         Self { momentum, ..self }
     }
 
-    /// What is known of the camera's momentum at its last pose.
     pub(super) fn momentum(&self) -> &Momentum {
         &self.momentum
     }
 
-    /// The same motion, of which it is known how fast it turns at the pose before the last and at the last one: angular parts of twists, rad/s.
+    /// Sets the angular velocities at the pose before the last and at the last one: angular parts of twists, rad/s.
     pub(super) fn turning(self, turning: Option<[Vec3; 2]>) -> Self {
         Self { turning, ..self }
     }
 
-    /// The mean velocity since the pose before: that of the middle between both.
+    /// Mean velocity since the last pose: that of the middle of the interval.
     pub(super) fn mean(&self) -> Option<&Vec6> {
         self.last.as_ref().map(|i| &i.velocity)
     }
 
-    /// The velocity at the last pose. A mean over an interval is that of its middle; a head that turns changes its velocity by much of
-    /// itself within half a frame.
+    /// Velocity at the last pose. The interval's mean is that of its middle; a turning head changes its velocity
+    /// considerably within half a frame.
     pub(super) fn at_last(&self) -> Option<Vec6> {
         let last = self.last?;
         let velocity = match self.before {
@@ -87,7 +86,7 @@ impl CameraMotion {
         Some(turned(velocity, self.turning.map(|t| t[1])))
     }
 
-    /// The velocity at the pose before the last, which lies between what is known of both its sides.
+    /// Velocity at the pose before the last, between the two intervals.
     pub(super) fn at_before(&self) -> Option<Vec6> {
         let last = self.last?;
         let velocity = match self.before {
@@ -97,7 +96,7 @@ impl CameraMotion {
         Some(turned(velocity, self.turning.map(|t| t[0])))
     }
 
-    /// By how much the turning may change within a frame beyond what is known of it, rad/s: one standard deviation.
+    /// Uncertainty of the angular velocity within a frame, rad/s: one standard deviation.
     pub(super) fn unsteadiness(&self) -> f64 {
         if let Some([before, last]) = self.turning {
             return UNSTEADY_MEASURED * (last - before).norm();
@@ -115,7 +114,7 @@ impl CameraMotion {
         }
     }
 
-    /// The motion of a camera that goes back the way that it came.
+    /// The motion for tracking backwards.
     pub(super) fn reversed(&self) -> Self {
         let back = |i: Interval| Interval {
             velocity: -i.velocity,
@@ -129,9 +128,9 @@ impl CameraMotion {
         }
     }
 
-    /// The expected pose `dt` seconds after `last_from_world`.
+    /// Predicted pose `dt` seconds after `last_from_world`.
     pub(super) fn predict(&self, last_from_world: &Se3, dt: f64) -> Se3 {
-        // After a long gap a constant velocity is a wild guess: half a second of it is the most that is believed.
+        // Constant velocity is extrapolated for at most half a second.
         match self.mean() {
             Some(v) => Se3::exp(&(v * dt.clamp(0.0, 0.5))) * *last_from_world,
             None => *last_from_world,
@@ -139,7 +138,7 @@ impl CameraMotion {
     }
 }
 
-/// A twist with another angular part, where that is known.
+/// Replaces the angular part of a twist, if given.
 fn turned(mut twist: Vec6, turning: Option<Vec3>) -> Vec6 {
     if let Some(turning) = turning {
         twist.fixed_rows_mut::<3>(3).copy_from(&turning);
@@ -148,7 +147,7 @@ fn turned(mut twist: Vec6, turning: Option<Vec3>) -> Vec6 {
 }
 
 impl Interval {
-    /// By how much the velocity changes per second, from the middle of this interval to that of the next.
+    /// Change of velocity per second between the middles of two intervals.
     fn change_to(&self, next: &Self) -> Vec6 {
         (next.velocity - self.velocity) / (0.5 * (self.seconds + next.seconds))
     }
@@ -158,7 +157,7 @@ impl Interval {
 mod tests {
     use super::*;
 
-    /// A pose on a path that turns about one axis with an angular velocity of `w + a t` rad/s.
+    /// A pose on a path that rotates about one axis with angular velocity `w + a t` rad/s.
     fn turned(w: f64, a: f64, t: f64) -> Se3 {
         let angle = w * t + 0.5 * a * t * t;
         Se3::exp(&Vec6::new(0.0, 0.0, 0.0, 0.0, angle, 0.0))
@@ -190,7 +189,6 @@ mod tests {
         let one = none.followed_by(&turned(1.0, 0.0, 0.0), &turned(1.0, 0.0, 0.1), 0.1);
         assert_eq!(one.at_last(), one.mean().copied());
         assert_eq!(one.at_before(), one.mean().copied());
-        // At the same stamp there is no velocity.
         assert!(
             one.followed_by(&Se3::identity(), &Se3::identity(), 0.0)
                 .mean()

@@ -1,4 +1,4 @@
-//! What becomes of a frame: it begins a map, its pose is taken, or it is lost.
+//! Conclusion of a frame: starts a map, accepts a pose, or reports a loss.
 
 use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
@@ -20,10 +20,9 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, LandmarkId, SubmapId};
 
-/// How the way of a frame ends.
 pub(super) struct Ending {
     outcome: Outcome,
-    /// Where it was taken from; none when it is lost.
+    /// Capture pose; `None` if lost.
     place: Option<CapturePose>,
     keyframe: Option<NewKeyframe>,
 }
@@ -38,18 +37,15 @@ impl Ending {
     }
 }
 
-/// What has happened since the last keyframe.
 #[derive(Default)]
 pub(super) struct SinceKeyframe {
-    /// The frame that became it.
     frame: Option<FrameId>,
-    /// How often landmarks were expected, found and seen through.
     statistics: Statistics,
     coverage: Coverage,
 }
 
 impl Tracker {
-    /// Begins a map, or a submap, with a frame that has enough depth.
+    /// Starts a map or submap with a frame that has enough depth.
     pub(super) fn begin_submap(
         &mut self,
         frame: &RgbdFrame,
@@ -69,7 +65,7 @@ impl Tracker {
             return Ending::lost(self.state.lose(frame.id), reason);
         }
         let inliers = counts.with_depth;
-        // The pose is what the frame is said to have: all points agree with it.
+        // The pose is exact by definition, so all points count as inliers.
         (notes.evidence.matched, notes.evidence.agreed) = (inliers, inliers);
         notes.evidence.cells = Cells::of(&data, |i| data.depths[i] > 0.0);
         let id = self.map.keyframe_id(frame.id);
@@ -107,7 +103,7 @@ impl Tracker {
         }
     }
 
-    /// Takes a pose: motion model, trajectory, keyframe decision.
+    /// Accepts a pose: updates motion model and trajectory, and decides on a keyframe.
     pub(super) fn accept(
         &mut self,
         frame: &RgbdFrame,
@@ -124,7 +120,7 @@ impl Tracker {
         let camera_from_world = solution.camera_from_world;
         let motion = match outcome {
             Outcome::Tracked => self.moved_to(&camera_from_world, notes.evidence.information),
-            // From where it was lost to where it was found again it did not move like that.
+            // The camera's motion during the loss is unknown.
             _ => CameraMotion::default(),
         };
         if outcome != Outcome::Tracked {
@@ -134,20 +130,20 @@ impl Tracker {
         let measured = !solution.sightings.is_empty();
         self.learn_motion(notes, &camera_from_world.inverse(), measured);
         self.learn_readout(&mut solution);
-        // Only now that the pose is taken: from a refused one, landmarks would seem to be missing that were never in view.
+        // Counted only for accepted poses: a rejected pose would count landmarks as missing that were never in view.
         let worth = self.pace.worth();
         let statistics = &mut self.keyframes.since.statistics;
         let list = statistics.count(std::mem::take(&mut solution.sightings), worth);
         self.memory.sightings.give(list);
         let (view, reference) = (&self.map.view, solution.reference);
-        // A recognised place may lie in another submap than the frames before.
+        // A recognised place may lie in another submap.
         if let Some(id) = view.submap_of(reference)
             && self.beginning.submap != Some(id)
         {
             self.beginning.submap = Some(id);
         }
         let world_from_camera = camera_from_world.inverse();
-        // Relative to a keyframe, so that the pose follows when the map is corrected later.
+        // Relative to a keyframe, so that the pose follows later corrections of the map.
         let world_from_reference = view.world_from_keyframe(reference).unwrap_or_default();
         let mut anchored = AnchoredPose {
             keyframe: None,
@@ -172,7 +168,7 @@ impl Tracker {
         }
     }
 
-    /// Takes a pose that was carried since a frame: it is followed from there, and makes no keyframe.
+    /// Accepts a propagated pose, which creates no keyframe.
     pub(super) fn accept_carried(
         &mut self,
         frame: &RgbdFrame,
@@ -204,7 +200,7 @@ impl Tracker {
         }
     }
 
-    /// The frame as a new keyframe, when one is due.
+    /// The frame as a new keyframe, if one is due.
     fn make_keyframe(
         &mut self,
         frame: &RgbdFrame,
@@ -213,7 +209,7 @@ impl Tracker {
     ) -> Option<NewKeyframe> {
         let Solution { data, matches, .. } = solution;
         let _span = tracing::info_span!("keyframe").entered();
-        // If a person filled the view a moment ago, the keyframe would map the person and not the room.
+        // If a person filled the view recently, the keyframe would map the person.
         if !self.map.grows || self.was_blind() || self.keyframes.first.is_some() {
             return None;
         }
@@ -247,7 +243,7 @@ impl Tracker {
         self.keyframes.since.coverage = Coverage::of(own, tracked);
         Some(NewKeyframe {
             id,
-            // A copy takes no more memory than it needs, and that of the frame is free again when it is over.
+            // A compact copy, so that the frame's buffers can be reused.
             data: Arc::new(data.copied()),
             reference: Some(pose.reference),
             reference_from_camera: pose.reference_from_camera,
@@ -257,7 +253,7 @@ impl Tracker {
         })
     }
 
-    /// Appends the frame to the trajectory; without inliers where it was carried.
+    /// Appends the frame to the trajectory; `inliers` is `None` for a propagated pose.
     fn write_down(&mut self, frame: &RgbdFrame, place: &CapturePose, inliers: Option<u32>) {
         self.trajectory.push(TrajectoryEntry {
             frame: frame.id,
@@ -268,7 +264,7 @@ impl Tracker {
         });
     }
 
-    /// Follows the camera from this frame on.
+    /// Makes this frame the reference for tracking the next.
     fn follow_from(
         &mut self,
         frame: &RgbdFrame,
@@ -291,7 +287,7 @@ impl Tracker {
         }
     }
 
-    /// Passes over a frame that shows what the one before did: nothing tells where it was taken, and the camera is followed from the frame before.
+    /// Handles a frame with a repeated image: no pose, and tracking continues from the frame before.
     pub(super) fn pass_over(&mut self, frame: &RgbdFrame, notes: Notes) -> Tracked {
         let first = *self.images.repeated.get_or_insert(frame.id);
         let since = self.state.lost_since().unwrap_or(first);
@@ -301,7 +297,6 @@ impl Tracker {
         tracked
     }
 
-    /// Ends the frame, whatever became of it, and says what did.
     pub(super) fn conclude(
         &mut self,
         frame: &RgbdFrame,
@@ -310,7 +305,7 @@ impl Tracker {
     ) -> Tracked {
         let has_map = !self.map.is_empty();
         let waited = self.release_first_keyframe(frame.id);
-        // A frame that begins a map had no landmarks to agree with, which says nothing about how many keypoints the next one needs.
+        // A frame that starts a map has no inliers, which says nothing about the number of keypoints needed.
         let agreed = match ending.outcome {
             Outcome::Initialised => None,
             _ if self.images.repeated.is_some() => None,
@@ -319,7 +314,7 @@ impl Tracker {
         self.front_end.note_inliers(agreed);
         self.moving_share = notes.counts.moving_share();
         self.note_quiet(frame.stamp - self.beginning.stamp);
-        // What the filter saw counts also where no pose came of it: detections that it used are used up.
+        // The filter state is adopted even without a pose: detections it used are consumed.
         if let Some(filter) = notes.filter.take() {
             let before = std::mem::replace(&mut self.filter, filter);
             self.memory.filter.give(before);
@@ -332,7 +327,7 @@ impl Tracker {
         notes.counts.detections_too_late = unused.too_late;
         notes.counts.detections_without_pose = unused.without_pose;
         notes.evidence.has_map = has_map;
-        // A frame without a pose is in no submap, though the tracker still remembers the last one.
+        // A frame without a pose belongs to no submap, though the tracker keeps the last one.
         let submap = self.beginning.submap.filter(|_| ending.place.is_some());
         let report = FrameReport {
             frame: frame.id,

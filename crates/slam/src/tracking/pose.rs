@@ -1,4 +1,4 @@
-//! The pose from matches.
+//! Pose optimisation from matches.
 
 use crate::association::{Matches, measurement};
 use crate::evidence::Scatter;
@@ -8,25 +8,23 @@ use stillpoint_estimation::{
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::KeyframeData;
 
-/// What is known of a pose `camera_from_world` before its matches are asked.
 #[derive(Clone, Copy, Default)]
 pub(super) struct PosePrior {
-    /// Its rotation, and maybe its translation, by sensors.
+    /// Rotation, and optionally translation, from sensors.
     pub(super) turn: Option<KnownTurn>,
-    /// Its place, by the camera's momentum.
+    /// Position from the motion model.
     pub(super) place: Option<KnownPlace>,
 }
 
-/// What the matches of a pose tell of it.
 #[derive(Clone, Copy)]
 pub(super) struct Precision {
-    /// The inverse of its covariance, for a left perturbation of `camera_from_world`.
+    /// Inverse covariance, for a left perturbation of `camera_from_world`.
     pub(super) information: Mat6,
-    /// How those that agree with it scatter; none of a vote of the flow.
+    /// Scatter of the inliers; `None` for a flow vote.
     pub(super) scatter: Option<Scatter>,
 }
 
-/// Finds poses from matches; keeps its memory.
+/// Optimises poses from matches, reusing buffers.
 #[derive(Default)]
 pub(super) struct PoseSolver {
     features: Vec<usize>,
@@ -35,7 +33,7 @@ pub(super) struct PoseSolver {
 }
 
 impl PoseSolver {
-    /// Optimises the pose `camera_from_world` from all matches and takes out those that do not agree with it.
+    /// Optimises the pose `camera_from_world` from all matches and removes outliers.
     pub(super) fn solve(
         &mut self,
         data: &KeyframeData,
@@ -47,7 +45,7 @@ impl PoseSolver {
         (matches, pose)
     }
 
-    /// The same, with what that tells of the pose.
+    /// Likewise, with the precision of the pose.
     pub(super) fn solve_with_precision(
         &mut self,
         data: &KeyframeData,

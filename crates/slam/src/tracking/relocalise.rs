@@ -1,4 +1,4 @@
-//! Relocalisation: where the camera is when nothing is known of it, and what becomes of it when that is not found either.
+//! Relocalisation, and handling of frames without a pose.
 
 use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
@@ -15,26 +15,29 @@ use stillpoint_estimation::{
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
 
-/// Keyframes that look most alike and are looked into. Neighbours look alike as well, so that these are two or three places (decision 14).
+/// Number of most similar keyframes to try. Neighbours look alike as well, so that these are two or three places
+/// (decision 14).
 const CANDIDATES: usize = 6;
 
-/// Landmarks that must agree with the pose, as a share of those in the image. The same poster in two places agrees with a few: measured, a thing that
-/// hangs in two places has 0.06 at most, the same place 0.21 in the median (decision 46).
+/// Minimum share of inliers among the landmarks in the image. A poster in two places agrees with a few: measured, an
+/// object that hangs in two places has 0.06 at most, the same place 0.21 in the median (decision 46).
 const MIN_SHARE: f64 = 0.1;
-/// After this time a lost camera can be anywhere, s. Before that, it is no farther from its last pose than a thrown camera (decision 14).
+/// Time after which a lost camera can be anywhere, s. Before that, it is no farther from its last pose than a thrown
+/// camera (decision 14).
 const CARRIED_S: f64 = 1.0;
-/// Distance that a lost camera may have from its last pose at once, m: that pose is uncertain. It equals `starved::MAX_DRIFT_M` (decision 18).
+/// Initial distance of a lost camera from its last pose, m: that pose is uncertain. It equals `starved::MAX_DRIFT_M`
+/// (decision 18).
 const REACH_M: f64 = 0.5;
-/// Speed at which a lost camera may move away from its last pose, m/s: that of a thrown camera. The fastest walk of young men is 2.5 m/s (Bohannon,
-/// Age and Ageing 1997).
+/// Speed at which a lost camera may move away from its last pose, m/s: that of a thrown camera. The fastest walk of
+/// young men is 2.5 m/s (Bohannon, Age and Ageing 1997).
 const REACH_M_S: f64 = 3.0;
-/// Time to recognise another submap, once the camera can be there, s: chosen, 15 frames of 30 Hz, in each of which [`CANDIDATES`] keyframes are
-/// looked into.
+/// Time to recognise another submap, once the camera can be there, s: chosen, 15 frames of 30 Hz, in each of which
+/// [`CANDIDATES`] keyframes are tried.
 const RECOGNISED_S: f64 = 0.5;
 
 impl Tracker {
-    /// Looks for the camera in the whole map: candidates by place, a pose from three points of each by RANSAC, then all that
-    /// tracking does with a first pose. Else `reason` stays the reason why there is no pose.
+    /// Searches the camera in the whole map: candidates by appearance, a pose for each by RANSAC with three points,
+    /// then the usual tracking from that pose. Returns `reason` if that fails.
     pub(super) fn relocalise(
         &mut self,
         frame: &RgbdFrame,
@@ -43,7 +46,7 @@ impl Tracker {
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
         let min_inliers = self.setup.tracking.min_relocalisation_inliers();
-        // Too few even if all of them agreed: a covered lens costs no search.
+        // Too few even if all were inliers: a covered lens costs no search.
         if data.len() < min_inliers {
             return Err(reason);
         }
@@ -55,9 +58,9 @@ impl Tracker {
             let Some(motion) = self.find_at(frame, data, keyframe) else {
                 continue;
             };
-            // What is noted on the way to a pose that is refused goes with it.
+            // Results of a rejected pose are discarded.
             let mut tried = notes.clone();
-            // What the filter remembers was seen in the other submap's frame of reference.
+            // The filter's history refers to another submap's reference frame.
             if self.beginning.submap != Some(keyframe.submap) {
                 self.forget_what_moves(&mut tried);
             }
@@ -75,8 +78,8 @@ impl Tracker {
         Err(reason)
     }
 
-    /// Whether a pose may be true: enough landmarks agree, of those that should be seen not too few, and the camera can have got
-    /// there, which two equal places do not tell.
+    /// Whether a pose is plausible: enough inliers, a sufficient share of the visible landmarks, and reachable from the
+    /// last pose, which distinguishes equal places.
     fn is_plausible(
         &self,
         stamp: f64,
@@ -87,7 +90,6 @@ impl Tracker {
         let (inliers, visible) = (tried.counts.inliers, tried.counts.local_visible);
         let enough = inliers as usize >= self.setup.tracking.min_relocalisation_inliers();
         let share = f64::from(inliers) / f64::from(visible.max(1));
-        // Without a last pose nothing limits where the camera may be.
         let Some(last) = self.state.last() else {
             return enough && share >= MIN_SHARE;
         };
@@ -95,7 +97,7 @@ impl Tracker {
         let moved = (centre - last.world_from_camera.translation).norm();
         let seconds = (stamp - last.stamp).max(0.0);
         let other_submap = self.beginning.submap != Some(keyframe.submap);
-        // How two submaps lie to each other is not known, so only the time tells whether the camera can have got there.
+        // The relative pose of two submaps is unknown, so only time limits reachability.
         let reachable = if other_submap {
             seconds >= CARRIED_S
         } else {
@@ -104,7 +106,6 @@ impl Tracker {
         enough && share >= MIN_SHARE && reachable
     }
 
-    /// The keyframes that look most like what the frame shows.
     fn recognise(&self, data: &KeyframeData) -> Vec<KeyframeId> {
         let _span = tracing::info_span!("recognise").entered();
         if self.map.places.index.is_empty() {
@@ -112,13 +113,13 @@ impl Tracker {
         }
         let vocabulary = &self.map.places.vocabulary;
         let vector = vocabulary.vector_of(&data.descriptors, |i| data.mappable[i]);
-        // The index comes from the loop closer and may know keyframes that this view lacks or has culled.
+        // The index comes from the loop closer and may contain keyframes that this view lacks or has culled.
         let is_live = |k| self.map.view.keyframe(k).is_some();
         let found = self.map.places.index.query(&vector, is_live, CANDIDATES);
         found.into_iter().map(|m| m.key).collect()
     }
 
-    /// The pose in which the landmarks of one keyframe make most sense.
+    /// Pose from the landmarks of one keyframe.
     fn find_at(
         &self,
         frame: &RgbdFrame,
@@ -159,7 +160,7 @@ impl Tracker {
         })
     }
 
-    /// What becomes of a frame whose pose is not found: it begins a submap when that is due, or is lost.
+    /// Handles a frame without a pose: starts a submap if one is due, else the frame is lost.
     pub(super) fn give_up(
         &mut self,
         frame: &RgbdFrame,
@@ -176,8 +177,8 @@ impl Tracker {
         self.begin_submap(frame, data, notes)
     }
 
-    /// Whether it is time to begin a new submap: for so many frames there was enough to see, and none of it was known.
-    /// Where there are other submaps, that is not before these had their time to be recognised.
+    /// Whether a new submap is due: enough time with well-textured frames but no match. If other submaps exist, these
+    /// are given time to be recognised first.
     fn is_submap_due(&mut self, stamp: f64, notes: &Notes) -> bool {
         let shows_enough = notes.counts.with_depth as usize >= MIN_INITIAL_POINTS;
         let unplaced = self.state.count_unplaced(shows_enough, self.pace.worth());
@@ -186,7 +187,7 @@ impl Tracker {
         due && !(self.state.last().is_some_and(recent) && self.map.view.submaps().len() > 1)
     }
 
-    /// Has the static filter forget what it saw, as it saw it in another frame of reference, should this frame's notes be kept.
+    /// Resets the static filter of this frame's notes, as its history refers to another reference frame.
     fn forget_what_moves(&self, notes: &mut Notes) {
         let filter = notes.filter.get_or_insert_with(|| self.filter.clone());
         filter.forget();

@@ -1,11 +1,12 @@
-//! Estimates the readout of a rolling shutter: how long after its first row an image's last row is exposed.
+//! Estimates the readout time of a rolling shutter, from the exposure of an image's first row to the last.
 //!
-//! It shows between two frames in a row, of points that stand still in both: each was exposed early or late by its row's share of the readout, and the
-//! camera moved on meanwhile, by another velocity in each frame. Velocities are those that the points themselves tell, as poses of single frames jitter.
-//! Each pair of frames adds its normal equations in the one unknown, with the motion between both eliminated (it could explain part of it), to those of
-//! the frames before. Landmarks do not help: they carry the readout of the keyframes that measured them, and what of a view does not fit them is no
-//! match. While a camera turns on as it did there is nothing to learn. The delay of the depth image is not estimated: its trace is weak, and on
-//! simulated images a like method overestimates it by 6 to 18 ms. (docs/algorithm.md, readout.)
+//! It is observable in static points of two consecutive frames: each is exposed early or late by its row's share of the
+//! readout, while the camera moves with a different velocity in each frame. Velocities come from the points themselves,
+//! as poses of single frames jitter. Each pair of frames contributes normal equations in the single unknown, with the
+//! motion between them eliminated (it could explain part of the effect). Landmarks are unsuitable: they inherit the
+//! readout assumed for their keyframes, and contradicting observations are not matched. Constant velocity carries no
+//! information. The depth delay is not estimated: its effect is weak, and on simulated images a similar method
+//! overestimates it by 6 to 18 ms. (docs/algorithm.md, readout.)
 
 use crate::shutter::{Shutter, TYPICAL_DEPTH, point_velocity};
 use crate::smoothing::CAUCHY;
@@ -14,48 +15,52 @@ use std::collections::VecDeque;
 use stillpoint_geometry::nalgebra::{SMatrix, SVector};
 use stillpoint_geometry::{Camera, Mat6, Se3, Vec2, Vec3, Vec6};
 
-/// Neighbouring features and frames do not err independently; one in this many counts. Measured: with 8, 5 or 3 fr1_xyz_walkers has 7.4 mm instead of
-/// 6.7 (decision 28).
+/// Number of correlated measurements that count as one, as errors of neighbouring features and frames are not
+/// independent. Measured: with 8, 5 or 3 fr1_xyz_walkers has 7.4 mm instead of 6.7 (decision 28).
 const CORRELATION: f64 = 20.0;
-/// Share that velocities are wrong by in all frames alike, and the readout with them: a hand trembles between the frames as well. Measured: estimates
-/// for one camera differ by a tenth, 22.7 to 23.3 ms on fr1_rpy_walkers and 25.4 on fr1_xyz (decision 28).
+/// Velocity error common to all frames, and so of the readout, as a share: a hand trembles between the frames as well.
+/// Measured: estimates for one camera differ by a tenth, 22.7 to 23.3 ms on fr1_rpy_walkers and 25.4 on fr1_xyz
+/// (decision 28).
 const VELOCITY_ERROR: f64 = 0.1;
-/// Frames of long ago weigh together as an estimate with this standard deviation, s: what was learned while it was not known who moves is forgotten
-/// once enough was learned since.
+/// Old frames together weigh as an estimate with this standard deviation, s: values learned while it was undecided
+/// which surfaces move are forgotten once enough new ones were learned.
 const MEMORY: f64 = 0.003;
-/// Slower than this (norm of the twist per second, m/s and rad/s) nothing can be learned: chosen, as a readout of 20 ms moves the image by 0.5 px
-/// then (f = 535 px, things at 1 m).
+/// Minimum speed (norm of the twist per second, m/s and rad/s) to learn from: chosen, as a readout of 20 ms moves the
+/// image by 0.5 px then (f = 535 px, things at 1 m).
 const MIN_SPEED: f64 = 0.05;
-/// The longest readout that is believed, s: chosen, beyond the 33 ms that a rolling shutter takes at 30 Hz, and the time of a frame at 20 Hz.
+/// Maximum readout, s: chosen, beyond the 33 ms that a rolling shutter takes at 30 Hz, and the time of a frame at 20
+/// Hz.
 const MAX_READOUT: f64 = 0.05;
-/// Pairs of points that are looked at, at most: 200 to 400 per pair of frames gave the figures of decision 28.
+/// Maximum number of point pairs per pair of frames: 200 to 400 gave the figures of decision 28.
 const MAX_PAIRS: usize = 400;
-/// Fewer tell nothing: the motion alone takes six numbers, of which this is five times as many; chosen.
+/// Minimum number of point pairs: the motion alone has six unknowns, of which this is five times as many; chosen.
 const MIN_PAIRS: usize = 30;
-/// A motion that changes by less is found, m and rad: chosen, as it moves the image by 0.005 px (f = 535 px, things at 1 m), far less than flow errs
-/// by.
+/// Change of the motion below which its estimate has converged, m and rad: chosen, as it moves the image by 0.005 px (f
+/// = 535 px, things at 1 m), far less than flow errs by.
 const EXACT: f64 = 1e-5;
-/// Times that the weights are found again, a number: chosen, as the motion of the pose is near, and a step of Gauss-Newton is exact to [`EXACT`]
-/// soon.
+/// Number of reweighting iterations: chosen, as the initial motion is near, and Gauss-Newton is soon exact to
+/// [`EXACT`].
 const ROUNDS: usize = 4;
-/// Frames in a row from which something is learned, less one: the velocity at both of the middle ones takes [`SIDE`] of them on either side.
+/// Number of consecutive intervals to learn from: the velocity at both of the middle frames takes [`SIDE`] of them on
+/// either side.
 const RUN: usize = 2 * SIDE + 1;
-/// Intervals on either side of a frame that tell its velocity. Measured: of a readout of 20 ms one finds 24, two 21 and three, with the weight by
-/// [`SMOOTH`], 20.5 where a hand trembles with 8 Hz (decision 28).
+/// Intervals on either side of a frame for its velocity. Measured: of a readout of 20 ms one finds 24, two 21 and
+/// three, with the weight by [`SMOOTH`], 20.5 where a hand trembles with 8 Hz (decision 28).
 const SIDE: usize = 3;
-/// Where a velocity from fewer intervals differs by this share of the change of velocity, what is learned counts half. Chosen; so weighted, a readout
-/// of 20 ms is found as 20.5 where a hand trembles with 8 Hz (decision 28).
+/// Relative difference to a velocity from fewer intervals, as a share of the change of velocity, at which a measurement
+/// has half the weight. Chosen; so weighted, a readout of 20 ms is found as 20.5 where a hand trembles with 8 Hz
+/// (decision 28).
 const SMOOTH: f64 = 0.03;
-/// Frames that are farther apart tell no velocity, s: a hand trembles faster than they can show. Chosen: 20 Hz has two and a half frames per period
-/// of 8 Hz, with which the hand of decision 28 trembles.
+/// Maximum frame interval, s: slower frames cannot resolve a trembling hand. Chosen: 20 Hz has two and a half frames
+/// per period of 8 Hz, with which the hand of decision 28 trembles.
 const LONGEST: f64 = 0.05;
 
-/// A point in two frames in a row, as exposed.
+/// A point in two consecutive frames, as exposed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RowPair {
     /// Undistorted pixel in the newer frame, and the row of the raw one.
     pub(super) now: (Vec2, f64),
-    /// The same in the older frame.
+    /// Likewise in the older frame.
     pub(super) before: (Vec2, f64),
     /// Depth in the newer frame, m.
     pub(super) z: f64,
@@ -63,11 +68,11 @@ pub(super) struct RowPair {
     pub(super) sigma: f64,
 }
 
-/// Two frames in a row, and what stands still in both.
+/// Two consecutive frames and their common static points.
 #[derive(Clone, Debug)]
 pub(super) struct Between {
     pub(super) before_from_now: Se3,
-    /// Time between them, s.
+    /// Interval, s.
     pub(super) seconds: f64,
     pub(super) pairs: Vec<RowPair>,
 }
@@ -75,22 +80,21 @@ pub(super) struct Between {
 /// Running estimate of a camera's readout.
 #[derive(Clone, Debug)]
 pub(super) struct SelfCalibration {
-    /// Of all frames.
+    /// Information of all frames.
     information: f64,
-    /// Of those that are remembered, and the estimate times that.
+    /// Information of remembered frames, and the same times the estimate.
     weight: f64,
     vector: f64,
-    /// Information of what was known at the start.
+    /// Information of the prior.
     known: f64,
     timing: Timing,
-    /// The newest frames without a gap, oldest first.
+    /// The newest consecutive frames, oldest first.
     run: VecDeque<Between>,
-    /// Memory that is used again.
     rows: Vec<Row>,
 }
 
 impl SelfCalibration {
-    /// An estimate that starts with what is known of the readout, and with how well; one that is known exactly does not change.
+    /// An estimate starting from a prior; one with zero deviation does not change.
     pub(super) fn new(start: Timing) -> Self {
         let information = 1.0 / (start.readout_sigma * start.readout_sigma).max(1e-12);
         Self {
@@ -104,7 +108,7 @@ impl SelfCalibration {
         }
     }
 
-    /// The estimate for frames whose stamps run backwards.
+    /// The estimate for frames with reversed stamps.
     pub(super) fn mirrored(&self) -> Self {
         Self {
             vector: -self.vector,
@@ -118,13 +122,12 @@ impl SelfCalibration {
         }
     }
 
-    /// The present estimate.
     pub(super) fn timing(&self) -> &Timing {
         &self.timing
     }
 
-    /// Takes the two newest frames, and learns from two that lie in the midst of those before; none where the frame before has no pose.
-    /// Gives back the points of two that it has learned from.
+    /// Adds the two newest frames, and learns from the pair in the middle of the sequence; `None` if the last frame has
+    /// no pose. Returns the used points.
     pub(super) fn learn(
         &mut self,
         camera: &Camera,
@@ -147,7 +150,7 @@ impl SelfCalibration {
         let runs = [&motions[..2 * SIDE], &motions[1..]];
         let both = runs.map(velocity_between::<{ 2 * SIDE }>);
         let coarse = runs.map(velocity_between::<{ 2 * SIDE - 2 }>);
-        // Its points are done with; how the camera moved in it is not.
+        // The points are used up, but the motion is still needed.
         let middle = &mut self.run[RUN / 2];
         let middle = Between {
             pairs: std::mem::take(&mut middle.pairs),
@@ -155,7 +158,7 @@ impl SelfCalibration {
         };
         self.run.pop_front();
         if let ([Some(before), Some(now)], [Some(b), Some(n)]) = (both, coarse) {
-            // A hand that trembles faster than frames can show moves in a way that nobody knows.
+            // If the hand trembles faster than the frame rate resolves, the velocity is unreliable.
             let unsure = size(&(before - b)) + size(&(now - n));
             let share = unsure / (SMOOTH * size(&(now - before)) + 1e-9);
             let trust = 1.0 / (1.0 + share * share);
@@ -164,8 +167,9 @@ impl SelfCalibration {
         Some(middle.pairs)
     }
 
-    /// The same with the motion that its own points tell. Poses err each by itself, by centimetres where people leave hardly a landmark, and the
-    /// velocity between two frames in a row by thirty times as much per second; what errs in a velocity pulls the estimate to 0.
+    /// Replaces the motion by that of its own points. Pose errors are independent, up to centimetres where people leave
+    /// few landmarks, and amplified thirtyfold in a velocity between consecutive frames; velocity errors bias the
+    /// estimate towards 0.
     fn refined(&mut self, camera: &Camera, mut between: Between) -> Between {
         if between.pairs.len() < MIN_PAIRS {
             return between;
@@ -185,7 +189,7 @@ impl SelfCalibration {
         between
     }
 
-    /// Linearises the points of two frames with the camera's velocity at the older and at the newer one.
+    /// Linearises the points of two frames with the camera velocities at the older and at the newer one.
     fn gather(&mut self, camera: &Camera, between: &Between, velocities: [&Vec6; 2]) {
         let readout = self.timing.readout;
         let step = between.pairs.len().div_ceil(MAX_PAIRS);
@@ -196,7 +200,8 @@ impl SelfCalibration {
         self.rows.extend(pairs.filter_map(row));
     }
 
-    /// Learns from two frames with the camera's velocity at the older and at the newer one, which are to be trusted by so much, 0 to 1.
+    /// Learns from two frames with the camera velocities at the older and at the newer one, with weight `trust`, 0
+    /// to 1.
     fn learn_from(
         &mut self,
         camera: &Camera,
@@ -216,11 +221,11 @@ impl SelfCalibration {
         let trust = trust / CORRELATION;
         let said = reduced * trust;
         self.information += said;
-        // What was known before it all began weighs no less.
+        // The prior keeps its weight.
         let most = (1.0 / (MEMORY * MEMORY) - said).max(self.known);
         let kept = (most / self.weight).min(1.0);
         self.weight = kept * self.weight + said;
-        // The residuals were taken with the present estimate, so the step counts from there.
+        // The residuals use the current estimate, so the step is relative to it.
         self.vector = kept * self.vector + (step + reduced * readout) * trust;
         self.timing.readout = (self.vector / self.weight).clamp(0.0, MAX_READOUT);
         let chance = 1.0 / self.information.sqrt();
@@ -228,18 +233,18 @@ impl SelfCalibration {
     }
 }
 
-/// How fast points at [`TYPICAL_DEPTH`] move, rad/s.
+/// Angular speed of points at [`TYPICAL_DEPTH`], rad/s.
 fn size(velocity: &Vec6) -> f64 {
     let shift = velocity.fixed_rows::<3>(0).norm() / TYPICAL_DEPTH;
     libm::hypot(shift, velocity.fixed_rows::<3>(3).norm())
 }
 
-/// The velocity in the midst of at least `N` intervals, each given by its mean velocity and its length, s: that of the polynomial with these means. A mean over
-/// two frames would level out what hands that tremble do. None where an interval has no length.
+/// Velocity in the middle of at least `N` intervals, each given by its mean velocity and its length, s: that of the
+/// polynomial with these means. A plain mean would attenuate trembling. `None` if an interval has no length.
 fn velocity_between<const N: usize>(intervals: &[(Vec6, f64)]) -> Option<Vec6> {
     let middle = intervals.len() / 2;
     let mut ends = [[0.0; 2]; N];
-    // In frames rather than in seconds, for the sake of the digits.
+    // In frames rather than seconds, for conditioning.
     let unit = intervals[middle].1;
     let first = middle - N / 2;
     let mut at = -intervals[first..middle].iter().map(|i| i.1).sum::<f64>();
@@ -247,7 +252,7 @@ fn velocity_between<const N: usize>(intervals: &[(Vec6, f64)]) -> Option<Vec6> {
         *ends = [at, at + seconds].map(|t| t / unit);
         at += seconds;
     }
-    // What each power of time has for a mean in each interval; the polynomial's value in the midst is its first coefficient.
+    // Mean of each power of time over each interval; the value in the middle is the constant coefficient.
     let means = SMatrix::<f64, N, N>::from_fn(|power, k| {
         let raised = |x: f64| (0..=power).fold(1.0, |product, _| product * x);
         let [from, to] = ends[k];
@@ -264,8 +269,8 @@ fn velocity_between<const N: usize>(intervals: &[(Vec6, f64)]) -> Option<Vec6> {
     found.iter().all(|v| v.is_finite()).then_some(found)
 }
 
-/// A pair, linearised: its residual with a readout longer by `dt` and another motion is `residual + by_readout dt - by_motion dx`, in standard
-/// deviations.
+/// A linearised pair: for a readout longer by `dt` and motion change `dx`, its residual is `residual + by_readout dt -
+/// by_motion dx`, in standard deviations.
 #[derive(Clone, Debug)]
 struct Row {
     residual: [f64; 2],
@@ -274,7 +279,7 @@ struct Row {
 }
 
 impl Row {
-    /// None where the point is not before the camera.
+    /// `None` if the point is behind the camera.
     fn new(
         camera: &Camera,
         pair: &RowPair,
@@ -283,7 +288,7 @@ impl Row {
         readout: f64,
     ) -> Option<Self> {
         let [s_before, s_now] = [pair.before.1, pair.now.1].map(|y| Shutter::row_share(camera, y));
-        // As it is exposed in the newer frame, where that says it is at its stamp, at the older frame's stamp, and as exposed there.
+        // The point as exposed in the newer frame, at its stamp, at the older frame's stamp, and as exposed there.
         let exposed = camera.backproject(pair.now.0, pair.z);
         let late = point_velocity(v_now, &exposed) * s_now;
         let p = exposed - late * readout;
@@ -299,7 +304,7 @@ impl Row {
             Vec3::new(camera.fx * w, 0.0, -camera.fx * there.x * w * w),
             Vec3::new(0.0, camera.fy * w, -camera.fy * there.y * w * w),
         ];
-        // Where it is at the older frame's stamp says how far it moves until it is exposed there.
+        // Its position at the older frame's stamp affects its displacement until exposure.
         let turning: Vec3 = v_before.fixed_rows::<3>(3) * (s_before * readout);
         let by_place = by_point.map(|d| d + d.cross(&turning));
         let off = pair.before.0 - pixel;
@@ -315,7 +320,7 @@ impl Row {
         })
     }
 
-    /// How much it counts when the readout is longer by `dt` and the motion is another one: as of a Cauchy distribution.
+    /// Cauchy weight with a readout longer by `dt` and motion change `dx`.
     fn weight(&self, dt: f64, dx: &Vec6) -> f64 {
         let off = |k: usize| self.residual[k] + self.by_readout[k] * dt - self.by_motion[k].dot(dx);
         let (x, y) = (off(0), off(1));
@@ -323,7 +328,7 @@ impl Row {
     }
 }
 
-/// By what motion that of the rows is to be followed (left-multiplied) to fit them best. None where they do not tell one.
+/// Left-multiplied correction of the motion that fits the rows best; `None` if undetermined.
 fn motion_of(rows: &[Row]) -> Option<Vec6> {
     let (mut jj, mut je) = (Mat6::zeros(), Vec6::zeros());
     for row in rows {
@@ -337,7 +342,7 @@ fn motion_of(rows: &[Row]) -> Option<Vec6> {
     Some(jj.cholesky()?.solve(&je))
 }
 
-/// What the rows say of the readout once the motion is eliminated: information, and information times step.
+/// Information on the readout with the motion eliminated, and information times step.
 fn reduce(rows: &[Row]) -> Option<(f64, f64)> {
     let (mut dt, mut dx) = (0.0, Vec6::zeros());
     let mut said = None;
@@ -356,14 +361,14 @@ fn reduce(rows: &[Row]) -> Option<(f64, f64)> {
             }
         }
         let factor = jj.cholesky()?;
-        // The Schur complement: what another motion would explain as well teaches nothing about the readout.
+        // Schur complement: effects explained by a different motion carry no information on the readout.
         let information = gg - jg.dot(&factor.solve(&jg));
         let vector = jg.dot(&factor.solve(&je)) - ge;
         if !(information > 0.0 && vector.is_finite()) {
             return None;
         }
         said = Some((information, vector));
-        // A readout can change by no more than a frame's time, whatever a frame says that says little.
+        // Limits steps of poorly determined frames.
         dt = (vector / information).clamp(-MAX_READOUT, MAX_READOUT);
         dx = factor.solve(&(je + jg * dt));
     }

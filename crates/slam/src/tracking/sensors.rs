@@ -1,4 +1,4 @@
-//! What measures the camera's motion beside images: a gyroscope on the camera, and odometry of the base that carries it.
+//! Motion sensors other than the camera: a gyroscope on the camera, and odometry of its base.
 
 use super::Tracker;
 use super::carry::Carried;
@@ -8,30 +8,28 @@ use crate::odometry::Odometry;
 use stillpoint_geometry::{ImuModel, OdometryModel, Vec3};
 use stillpoint_imaging::{ImuSample, OdometrySample};
 
-/// The sensors, and what is known by them.
 #[derive(Default)]
 pub(super) struct Sensors {
-    /// The inertial sensor, where there is one.
     pub(super) inertial: Option<Inertial>,
-    /// Odometry of the base that carries the camera, where there is any.
+    /// Odometry of the base that carries the camera, if any.
     pub(super) odometry: Option<Odometry>,
-    /// Poses that were taken, to compare with what these say.
+    /// Recent poses for comparison with the sensors.
     pub(super) past_poses: PastPoses,
-    /// Set while the camera is carried by them.
+    /// Set while the pose is propagated by sensors.
     pub(super) carried: Option<Carried>,
-    /// When it was carried last, by the frames' clock, s.
+    /// Time of the last propagated pose, on the frames' clock, s.
     pub(super) blind_at: Option<f64>,
 }
 
 impl Tracker {
-    /// The tracker with an inertial sensor on the camera.
+    /// Adds an inertial sensor on the camera.
     #[must_use]
     pub fn with_imu(mut self, model: ImuModel) -> Self {
         self.sensors.inertial = Some(Inertial::new(model));
         self
     }
 
-    /// Takes samples of the inertial sensor, in order of time. Without a sensor ([`Tracker::with_imu`]) they mean nothing.
+    /// Takes samples of the inertial sensor, in order of time. Ignored without a sensor ([`Tracker::with_imu`]).
     pub fn receive_inertial(&mut self, samples: &[ImuSample]) {
         if let Some(inertial) = &mut self.sensors.inertial {
             inertial.receive(samples);
@@ -44,7 +42,8 @@ impl Tracker {
         self.sensors.inertial.is_some()
     }
 
-    /// How fast the camera turned at the last pose and turns now, as the angular parts of twists of `camera_later_from_camera_earlier`, rad/s.
+    /// Angular velocity at the last pose and at the current frame, as the angular parts of twists of
+    /// `camera_later_from_camera_earlier`, rad/s.
     pub(super) fn turning(&self) -> Option<[Vec3; 2]> {
         let inertial = self
             .sensors
@@ -54,18 +53,18 @@ impl Tracker {
         let last = self.state.tracked()?;
         let before = inertial.rate(last.time)?;
         let now = inertial.rate(self.front_end.clock.now())?;
-        // What the camera sees turns the other way.
+        // The scene rotates opposite to the camera.
         Some([-before, -now])
     }
 
-    /// The tracker with odometry of the base that carries the camera.
+    /// Adds odometry of the base that carries the camera.
     #[must_use]
     pub fn with_odometry(mut self, model: OdometryModel) -> Self {
         self.sensors.odometry = Some(Odometry::new(model));
         self
     }
 
-    /// Takes samples of the odometry, in order of time. Without any ([`Tracker::with_odometry`]) they mean nothing.
+    /// Takes odometry samples, in order of time. Ignored without odometry ([`Tracker::with_odometry`]).
     pub fn receive_odometry(&mut self, samples: &[OdometrySample]) {
         if let Some(odometry) = &mut self.sensors.odometry {
             odometry.receive(samples);

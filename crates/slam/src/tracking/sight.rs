@@ -1,27 +1,27 @@
-//! What the depth image says of a place where a point is expected: is it there, hidden, or gone?
+//! Visibility of a point from the depth image: present, occluded, or gone.
 
 use crate::sensor::DepthNoise;
 use stillpoint_geometry::{Camera, Vec3};
 use stillpoint_imaging::DepthImage;
 
-/// What is seen where a point is expected.
+/// Observation at a point's expected position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sight {
-    /// Nothing speaks against the point: a surface at its depth, an edge, or no depth.
+    /// No evidence against the point: a surface at its depth, an edge, or no depth.
     Open,
-    /// Something stands in front of it.
+    /// Occluded.
     Hidden,
-    /// The camera sees through its place: the point has gone.
+    /// The camera sees through its place: the point is gone.
     Through,
 }
 
-/// Spacing of the 3x3 pixels looked at, px: the expected place may be wrong by as much. Chosen: three standard deviations of a keypoint of the finest
-/// level (equation 1 of docs/algorithm.md).
+/// Spacing of the 3x3 sampled pixels, px: the expected position may be off by as much. Chosen: three standard
+/// deviations of a keypoint of the finest level (equation 1 of docs/algorithm.md).
 const STEP: i32 = 3;
-/// Of the nine, this many must have depth for a judgement: chosen, more than three quarters, so that two holes do not hinder it.
+/// Minimum number of the nine with depth: chosen, more than three quarters, so that two holes do not hinder it.
 const MIN_VALID: u32 = 7;
 
-/// Looks at one depth image.
+/// Visibility test against one depth image.
 pub(super) struct DepthSight<'a> {
     pub(super) camera: &'a Camera,
     pub(super) image: &'a DepthImage,
@@ -29,12 +29,12 @@ pub(super) struct DepthSight<'a> {
 }
 
 impl DepthSight<'_> {
-    /// What is seen in place of a point in camera coordinates (m).
+    /// Observation at a point in camera coordinates (m).
     pub(super) fn of(&self, p: &Vec3) -> Sight {
         let raw = self.camera.project_distorted(p);
         let (u, v) = (libm::round(raw.x) as i32, libm::round(raw.y) as i32);
         let (width, height) = (self.image.width() as i32, self.image.height() as i32);
-        // Unless all nine pixels are in the image, nothing is said.
+        // No statement unless all nine pixels are in the image.
         if u < STEP || v < STEP || u + STEP >= width || v + STEP >= height {
             return Sight::Open;
         }
@@ -49,7 +49,7 @@ impl DepthSight<'_> {
                 nearer += u32::from(there > 0.0 && there < z - tolerance);
             }
         }
-        // All must agree, since beside an edge some pixels see what is behind the point or in front of it.
+        // All must agree, since near an edge some pixels see the background or foreground.
         if valid < MIN_VALID {
             Sight::Open
         } else if farther == valid {

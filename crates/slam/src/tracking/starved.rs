@@ -1,4 +1,4 @@
-//! Frames in which too few landmarks are found, in motion blur or among people: the map is looked for again, or the frame is bridged.
+//! Frames with too few landmarks, from motion blur or people: recovers the local map, or bridges the frame with flow.
 
 use super::ego_motion::EgoMotion;
 use super::known_map::KnownMap;
@@ -17,22 +17,22 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::FrameId;
 use stillpoint_map::KeyframeData;
 
-/// Factor on the radius of the search when the map is looked for again: landmarks are then off by what was drifted meanwhile (decision 18).
+/// Factor on the search radius to recover the map: landmarks are off by the drift since (decision 18).
 const WIDER: f32 = 5.0;
-/// Largest distance of a pose from the one before the wide search, m: tracking does not drift farther. Decision 18 measured 5 to 10 cm after a second
-/// of people, of which this is five times as much.
+/// Maximum distance of the recovered pose from the pose before, m: tracking does not drift farther. Decision 18
+/// measured 5 to 10 cm after a second of people, of which this is five times as much.
 const MAX_DRIFT_M: f64 = 0.5;
-/// Largest angle between a pose and the one before the wide search, rad: tracking does not drift farther. It is 20 degrees (decision 18).
+/// Maximum angle of the recovered pose from the pose before, rad: tracking does not drift farther. It is 20 degrees
+/// (decision 18).
 const MAX_DRIFT_RAD: f64 = 0.35;
 
 impl Tracker {
-    /// Whether fewer landmarks agree with a pose than make one.
     fn is_starved(&self, fix: &Fix) -> bool {
         fix.matches.landmarks() < self.setup.tracking.min_inliers
     }
 
-    /// Looks for the local map in a wide neighbourhood when too few landmarks agree with the pose: after some bridged frames it has
-    /// drifted away from the map, and what matches in small windows is then wrong. `data` and `fix` are without the dynamic features.
+    /// Searches the local map in wide windows if a pose has too few inlier landmarks: after several bridged frames it
+    /// has drifted, and matches in small windows are wrong. `data` and `fix` exclude dynamic features.
     pub(super) fn regain_map_when_starved(
         &mut self,
         frame: FrameId,
@@ -48,15 +48,16 @@ impl Tracker {
         }
     }
 
-    /// Searches all landmarks around widely, finds the pose that most of them agree on, and searches again from there. None when it is not
-    /// near, or too few agree.
+    /// Searches all landmarks around in wide windows, estimates a pose by RANSAC, and searches again from there. `None`
+    /// if the pose is too far, or has too few inliers.
     fn regain_map(&mut self, frame: FrameId, data: &KeyframeData, fix: &Fix) -> Option<Fix> {
         let _span = tracing::info_span!("regain").entered();
         let submap = self.beginning.submap;
         let KnownMap {
             surroundings, view, ..
         } = &mut self.map;
-        // By where keyframes are, not by what they share: after bridged frames the reference may share nothing with what is in view.
+        // Selected by position, not by covisibility: after bridged frames the reference may share nothing with the
+        // view.
         surroundings.update_around(view, submap, &fix.camera_from_world);
         let wide = self.search_map(
             data,
@@ -80,7 +81,7 @@ impl Tracker {
             rng(self.setup.seed, u64::from(frame.0), Purpose::REGAINED_MAP),
         );
         let found = outcome.found()?.camera_from_world;
-        // Much of what a wide search matches is wrong; around a pose that many agree on, the usual radius is enough.
+        // A wide search has many mismatches; around the pose with most inliers, the usual radius suffices.
         let matches = self.search_map(data, &found, 1.0, Matches::new(data.len()));
         let matched = matches.count;
         let prior = PosePrior {
@@ -100,12 +101,12 @@ impl Tracker {
             matches,
             matched,
             precision,
-            // What was expected from the pose before says nothing.
+            // Visibility predicted from the earlier pose is invalid.
             sightings: Sightings::default(),
         })
     }
 
-    /// Searches the local map from a pose, without noting what is seen.
+    /// Searches the local map from a pose, without counting observations.
     fn search_map(
         &mut self,
         data: &KeyframeData,
@@ -130,9 +131,8 @@ impl Tracker {
         matches
     }
 
-    /// Bridges a frame in which too few landmarks are found, in motion blur or among people, with what flow found of the last
-    /// frame's surfaces. It drifts, so it is not used where the map holds. `data` and `fix` are without the dynamic features,
-    /// `motion` and `verdicts` are of all.
+    /// Bridges a frame with too few landmarks by flow to surfaces of the last frame. It drifts, so it is only used if
+    /// the map fails. `data` and `fix` exclude dynamic features, `motion` and `verdicts` include them.
     pub(super) fn bridge_when_starved(
         &mut self,
         data: &KeyframeData,
@@ -150,7 +150,7 @@ impl Tracker {
             .flow_to_previous(&motion.rest, &mut pairs);
         let matches = self.add_flow_points(&pairs, verdicts, fix.matches);
         let matched = matches.count;
-        // Flow drifts, and so does the pose that it leads to.
+        // Flow drifts, so priors apply.
         let prior = PosePrior {
             turn: self.known_pose(),
             place: self.known_place(&vote.camera_from_world),
@@ -169,13 +169,13 @@ impl Tracker {
             matches,
             matched,
             precision,
-            // What should be seen from a pose that the map does not bear out says nothing against landmarks.
+            // Predictions from a pose not confirmed by the map are no evidence against landmarks.
             sightings: Sightings::default(),
         }
     }
 
-    /// Takes the pose that the vote of the flow leads to, where too little stands still around it to measure it better: as many pairs
-    /// agree with it as make a pose, whatever the filter says of them.
+    /// Accepts the pose of the flow vote, if too few static features remain to measure it better: it has enough
+    /// agreeing pairs, regardless of the filter.
     pub(super) fn follow_vote(vote: &Vote, features: usize) -> Fix {
         Fix {
             camera_from_world: vote.camera_from_world,
@@ -190,7 +190,7 @@ impl Tracker {
         }
     }
 
-    /// Gives features without a match the point where flow found them on a surface of the last frame.
+    /// Assigns to unmatched features the point found by flow on a surface of the last frame.
     fn add_flow_points(
         &self,
         pairs: &[Option<FlowPair>],
@@ -210,7 +210,7 @@ impl Tracker {
             };
             let raw = pair.before_raw.map(f64::from).into();
             if let Some(reading) = reader.read(raw, pair.before_exposed)
-                // A farther point from one depth alone is too uncertain to hold a pose.
+                // A distant point from a single depth is too uncertain.
                 && reading.z < self.setup.sensor.close_depth
             {
                 let raw_y = f64::from(pair.before_raw[1]);

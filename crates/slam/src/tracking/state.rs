@@ -1,4 +1,4 @@
-//! What is known of the camera from the frames before: the tracker's state machine.
+//! The tracker's state machine.
 //!
 //! ```text
 //!  Waiting --- a map begins, or a place is recognised ---> Tracking <--- the camera is found again ---+
@@ -16,45 +16,42 @@ use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::FrameId;
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
 
-/// The last frame whose pose is known.
+/// The last frame with a pose.
 pub(super) struct LastFrame {
     pub(super) stamp: f64,
-    /// When it was taken, s, by the frames' clock.
+    /// Exposure time, s, on the frames' clock.
     pub(super) time: f64,
     pub(super) data: Arc<KeyframeData>,
     pub(super) matches: Vec<Option<LandmarkId>>,
-    /// Its pose, by keyframes.
+    /// Pose relative to keyframes.
     pub(super) pose: AnchoredPose,
-    /// Its pose in the newest view that was looked at.
+    /// Pose in the newest view used.
     pub(super) world_from_camera: Se3,
 }
 
-/// Where the camera is, as far as it is known.
 #[expect(
     clippy::large_enum_variant,
     reason = "there is one of it, and a box would be made anew at every frame"
 )]
 pub(super) enum State {
-    /// No frame had a pose in the submap that is to come: there is none yet, it was left, or it is there and no place in it was
-    /// recognised.
+    /// No frame of the current submap has a pose: it does not exist yet, was left, or no place in it was recognised.
     Waiting {
         /// The first frame without a pose.
         since: Option<FrameId>,
-        /// Frames that showed enough to begin a submap, and nothing that is known, in frames of 30 Hz.
+        /// Frames with enough features but no match to the map, in frames of 30 Hz.
         unplaced: f32,
     },
-    /// The frame before has a pose.
+    /// The last frame has a pose.
     Tracking {
         last: LastFrame,
         motion: CameraMotion,
     },
-    /// The camera was tracked, and is not any more.
+    /// Tracking was lost.
     Lost {
-        /// The first frame without a pose.
         since: FrameId,
         /// The last one with a pose.
         last: LastFrame,
-        /// Frames that showed enough to begin a submap, and nothing that is known, in frames of 30 Hz.
+        /// Frames with enough features but no match to the map, in frames of 30 Hz.
         unplaced: f32,
     },
 }
@@ -69,7 +66,7 @@ impl Default for State {
 }
 
 impl State {
-    /// The last frame with a pose, however long ago.
+    /// The last frame with a pose, however old.
     pub(super) fn last(&self) -> Option<&LastFrame> {
         match self {
             Self::Waiting { .. } => None,
@@ -84,7 +81,6 @@ impl State {
         }
     }
 
-    /// The frame before, if it has a pose.
     pub(super) fn tracked(&self) -> Option<&LastFrame> {
         match self {
             Self::Tracking { last, .. } => Some(last),
@@ -92,7 +88,7 @@ impl State {
         }
     }
 
-    /// The camera's velocity at the last frame, twist per second: known from the second tracked frame in a row on.
+    /// Camera velocity at the last frame, twist per second; known from the second consecutive pose.
     pub(super) fn velocity(&self) -> Option<Vec6> {
         match self {
             Self::Tracking { motion, .. } => motion.at_last(),
@@ -100,7 +96,7 @@ impl State {
         }
     }
 
-    /// What is known of the camera's momentum at the last pose; nothing of a camera that is lost.
+    /// Motion model state at the last pose; `None` if lost.
     pub(super) fn momentum(&self) -> Option<&Momentum> {
         match self {
             Self::Tracking { motion, .. } => Some(motion.momentum()),
@@ -108,7 +104,7 @@ impl State {
         }
     }
 
-    /// The first frame of the present loss.
+    /// The first frame of the current loss.
     pub(super) fn lost_since(&self) -> Option<FrameId> {
         match self {
             Self::Waiting { since, .. } => *since,
@@ -117,7 +113,7 @@ impl State {
         }
     }
 
-    /// The motion that a new pose `camera_from_world` at `time` amounts to; unknown unless the frame before has a pose.
+    /// The motion to a new pose `camera_from_world` at `time`; unknown unless the last frame has a pose.
     pub(super) fn motion_to(&self, camera_from_world: &Se3, time: f64) -> CameraMotion {
         match self {
             Self::Tracking { last, motion } => {
@@ -128,13 +124,13 @@ impl State {
         }
     }
 
-    /// Expresses the last pose in a view of the map, then predicts that at `time`. Returns the reference keyframe, and
-    /// `camera_from_world`: of a camera that is lost where it was last.
+    /// Updates the last pose from the map view, then predicts the pose at `time`. Returns the reference keyframe and
+    /// `camera_from_world`; if lost, the last pose.
     pub(super) fn predict(&mut self, view: &MapView, time: f64) -> (KeyframeId, Se3) {
         let Some(last) = self.last_mut() else {
             return (KeyframeId(0), Se3::identity());
         };
-        // The map may have been corrected since, and then the last pose moves with its keyframe.
+        // After a map correction the last pose moves with its keyframe.
         if let Some(pose) = last.pose.world_from_camera_in(view) {
             last.world_from_camera = pose;
         }
@@ -148,7 +144,7 @@ impl State {
         (reference, predicted)
     }
 
-    /// The expected pose `dt` seconds after the last one, without turning; none of a camera that is lost.
+    /// The pose `dt` seconds after the last one by constant velocity; `None` if lost.
     pub(super) fn continued(&self, dt: f64) -> Option<Se3> {
         match self {
             Self::Tracking { last, motion } => {
@@ -158,7 +154,7 @@ impl State {
         }
     }
 
-    /// A frame has no pose. Returns the first frame of the loss that it belongs to.
+    /// Records a frame without pose. Returns the first frame of the loss.
     pub(super) fn lose(&mut self, frame: FrameId) -> FrameId {
         if let Self::Waiting { since, .. } = self {
             return *since.get_or_insert(frame);
@@ -174,8 +170,8 @@ impl State {
         self.lost_since().unwrap_or(frame)
     }
 
-    /// Counts a frame without a pose that is `worth` so many of 30 Hz, if it shows enough to begin a submap. Returns the time that such frames
-    /// stand for, s.
+    /// Counts a frame without pose with weight `worth` (in frames of 30 Hz), if it has enough features to start a
+    /// submap. Returns their total time, s.
     pub(super) fn count_unplaced(&mut self, shows_enough: bool, worth: f32) -> f64 {
         match self {
             Self::Tracking { .. } => 0.0,
@@ -186,7 +182,7 @@ impl State {
         }
     }
 
-    /// The submap is left: where the camera was in it means nothing any more.
+    /// Leaves the submap, and drops the last pose in it.
     pub(super) fn leave_submap(&mut self) {
         let since = self.lost_since();
         let unplaced = match self {
@@ -196,7 +192,7 @@ impl State {
         *self = Self::Waiting { since, unplaced };
     }
 
-    /// The clock was set by `by`, s: nothing is known of the time in between.
+    /// Handles a clock set by `by`, s: the velocity is unknown.
     pub(super) fn set_clock(&mut self, by: f64) {
         if let Self::Tracking { motion, .. } = self {
             *motion = CameraMotion::default();
@@ -237,7 +233,7 @@ mod tests {
         }
     }
 
-    /// Tracked at 0 s and 1 s, 1 m farther.
+    /// Tracked at 0 s, and 1 m farther at 1 s.
     fn tracking() -> State {
         let before = State::Tracking {
             last: last(0.0, 0.0),
@@ -263,7 +259,7 @@ mod tests {
         assert_eq!(state.lose(FrameId(7)), FrameId(7));
         assert!((predicted_x(&mut state, 1.25) - 1.0).abs() < 1e-9);
         assert!(state.velocity().is_none() && state.tracked().is_none());
-        // Found again, it has no velocity before the second frame.
+        // After relocalisation there is no velocity until the second frame.
         let motion = state.motion_to(&at(2.0).inverse(), 2.0);
         assert!(motion.mean().is_none());
     }

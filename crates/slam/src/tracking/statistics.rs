@@ -1,4 +1,4 @@
-//! How often landmarks were expected, found and seen through since the last keyframe.
+//! Counts how often landmarks were predicted, found and seen through since the last keyframe.
 
 use super::sight::Sight;
 use crate::association::Matches;
@@ -6,23 +6,21 @@ use crate::messages::LandmarkStatistic;
 use crate::recycle::Lists;
 use stillpoint_map::LandmarkId;
 
-/// Counts per landmark that was expected at least once.
+/// Counts per landmark that was predicted at least once.
 #[derive(Debug, Default)]
 pub(super) struct Statistics {
     counts: Vec<LandmarkStatistic>,
-    /// Places in `counts`, from 1, where [`Statistics::home`] says or in the next one that was free; 0 for none. At least twice as many as counts, a power of two:
-    /// as large as what is seen between two keyframes, however many landmarks there ever were.
+    /// Hash table with linear probing of indices into `counts`, from 1; 0 if free. Its size, a power of two and at
+    /// least twice that of `counts`, depends only on the landmarks seen between two keyframes.
     places: Vec<u32>,
 }
 
-/// What was seen of landmarks in one frame, from a pose that may still be refused.
+/// Observations of landmarks in one frame, from a pose that may still be rejected.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sightings(Vec<Sighting>);
 
-/// What was seen of one landmark.
 pub(super) type Sighting = (LandmarkId, Seen);
 
-/// What was seen of a landmark.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Seen {
     Expected(Sight),
@@ -30,22 +28,22 @@ pub(super) enum Seen {
 }
 
 impl Sightings {
-    /// None yet, in the memory of a list.
+    /// An empty list in recycled memory.
     pub(super) fn new(memory: &mut Lists<Sighting>) -> Self {
         Self(memory.take())
     }
 
-    /// Whether nothing was seen of any landmark: the map does not bear the pose out.
+    /// Whether there are no observations: the map does not confirm the pose.
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Notes how a landmark looked that was expected in the frame.
+    /// Adds the visibility of a predicted landmark.
     pub(super) fn expected(&mut self, id: LandmarkId, sight: Sight) {
         self.0.push((id, Seen::Expected(sight)));
     }
 
-    /// Notes the landmarks whose matches agree with the pose.
+    /// Adds the landmarks of inlier matches.
     pub(super) fn found(&mut self, matches: &Matches) {
         let ids = matches.targets.iter().flatten().filter_map(|t| t.landmark);
         self.0.extend(ids.map(|id| (id, Seen::Found)));
@@ -53,13 +51,12 @@ impl Sightings {
 }
 
 impl Statistics {
-    /// Counts what was seen from a pose that is taken, in a frame of this [`worth`]. Gives back the memory of the list.
+    /// Counts observations from an accepted pose, in a frame of weight [`worth`]. Returns the list's memory.
     pub(super) fn count(&mut self, sightings: Sightings, worth: f32) -> Vec<Sighting> {
         for &(id, seen) in &sightings.0 {
             let s = self.of(id);
             match seen {
-                // Of the landmarks that look hidden most are wrong, at the edge of something near: they must prove themselves
-                // like all others.
+                // Landmarks that appear occluded are mostly wrong ones near foreground edges: they are not exempt.
                 Seen::Expected(Sight::Open | Sight::Hidden) => s.visible += 1,
                 Seen::Expected(Sight::Through) => {
                     s.gone += 1;
@@ -74,7 +71,7 @@ impl Statistics {
         sightings.0
     }
 
-    /// Hands over all counts, by id, and starts over.
+    /// Returns all counts, sorted by id, and resets.
     pub(super) fn take(&mut self) -> Vec<LandmarkStatistic> {
         self.places.fill(0);
         let mut counts = self.counts.clone();
@@ -102,7 +99,7 @@ impl Statistics {
         &mut self.counts[self.places[at] as usize - 1]
     }
 
-    /// Where the place of a landmark is, or would be: half of all are free.
+    /// Slot of a landmark, or the free slot for it: half of all are free.
     fn find(&self, id: LandmarkId) -> usize {
         let mut at = self.home(id);
         while let Some(count) = self.places[at].checked_sub(1)
@@ -113,13 +110,12 @@ impl Statistics {
         at
     }
 
-    /// Where a landmark is looked for first: ids in a row are far from each other (Knuth, TAOCP 3, 6.4).
+    /// First slot to probe: scatters consecutive ids (Knuth, TAOCP 3, 6.4).
     fn home(&self, id: LandmarkId) -> usize {
         let scattered = id.number().wrapping_mul(0x9e37_79b1);
         ((u64::from(scattered) * self.places.len() as u64) >> 32) as usize
     }
 
-    /// Twice as many places.
     fn make_room(&mut self) {
         let count = (2 * self.places.len()).max(512);
         self.places.clear();
@@ -155,7 +151,7 @@ mod tests {
     fn any_number_of_landmarks_is_counted_each_for_itself() {
         let mut statistics = Statistics::default();
         for round in 0..3 {
-            // Neighbours, and ids that are looked for at the same place.
+            // Neighbouring ids, and ids with the same first slot.
             let id = |i: u32| LandmarkId::new(if i.is_multiple_of(2) { i } else { i << 20 | i });
             let count = 3000 * (round + 1);
             for i in (0..count).chain(0..count / 2) {

@@ -1,8 +1,8 @@
-//! The vote of the flow: how the camera moved since the frame before, whatever else moved with it.
+//! The flow vote: camera motion since the last frame by robust voting, before moving objects are known.
 //!
-//! Two things keep a crowd from winning. Every pair has as much say as the surface that it stands for: people are near and their
-//! clothes are full of corners, but a room is large. And agreement is judged sharply: between two frames, a motion between that of a
-//! desk and that of a person who walks slowly past it fits both to a few pixels.
+//! Two measures keep a crowd from winning. Every pair is weighted by the surface area it represents: people are near
+//! and their clothes full of corners, but a room is large. And inliers are judged sharply: between two frames, a
+//! compromise between the motion of a desk and that of a person walking slowly past it fits both to a few pixels.
 
 use super::Tracker;
 use super::choice::Choice;
@@ -17,104 +17,107 @@ use stillpoint_geometry::{Mat6, Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::KeyframeData;
 
-/// Assumed error of the flow in a sharp image, px, including that of corners on edges and of depths. Chosen: with [`SIGMAS`] of a sharp pair (0.1 px)
-/// it is about 1 px in all, with which the gates of decision 21 are 2.8 px.
+/// Assumed error of the flow in a sharp image, px, including that of corners on edges and of depths. Chosen: with
+/// [`SIGMAS`] of a sharp pair (0.1 px) it is about 1 px in all, with which the gates of decision 21 are 2.8 px.
 const SIGMA_PX: f64 = 0.85;
-/// This many standard deviations of a flow pair are added in quadrature to its assumed error: chosen on the recordings of decision 23, which brought
-/// a deviation per pair.
+/// Number of standard deviations of a flow pair that are added in quadrature to its assumed error: chosen on the
+/// recordings of decision 23, which brought a deviation per pair.
 const SIGMAS: f64 = 5.0;
-/// How sharply agreement is judged: a vote is halved at an eighth of the gate's residual, a third of a pixel, which is what flow errs by
+/// Sharpness of the vote: it is halved at an eighth of the gate's residual, a third of a pixel, which flow errs by
 /// (decision 21).
 const PEAK: f64 = 60.0;
-/// The same of matches by descriptor, which err by a pixel and more (decision 21): a vote is halved at a third of the gate's residual, one pixel.
+/// Sharpness for matches by descriptor, which err by a pixel and more (decision 21): the vote is halved at a third of
+/// the gate's residual, one pixel.
 const ROUGH_PEAK: f64 = 6.0;
-/// For this time after the start of a submap, it is undecided who moves, s: decision 21 has starts with it, without it and with no end to it.
+/// Time after the start of a submap during which it is undecided which surfaces move, s: decision 21 has starts with
+/// it, without it and with no end to it.
 pub(super) const UNDECIDED: f64 = 2.0;
-/// If more than this share of the keypoints moved in the frame before, it is undecided again who moves: nothing is known yet of a person who has just
-/// come into view. When the room in view is about equally far everywhere, a turn of the camera looks like a shift, and the few things at another
-/// depth decide between both. Measured: a start has 13 to 17 mm with it, 13 to 20 with 20 % and 68 to 75 with 35 % (decision 43).
+/// Share of moving keypoints in the last frame above which it is undecided again which surfaces move: nothing is known
+/// yet of a person who has just come into view. If the static scene in view has nearly constant depth, a rotation looks
+/// like a translation, and the few points at another depth decide between both. Measured: a start has 13 to 17 mm with
+/// it, 13 to 20 with 20 % and 68 to 75 with 35 % (decision 43).
 pub(crate) const SOME_MOVE: f64 = 0.1;
-/// Where more than this share moved, a crowd may fill the view: a third of the keypoints (decision 39), the share by which decision 25 knew a crowd. From
-/// there on wheels overrule, and a pose refutes no sensor (decision 41).
+/// Share of moving keypoints above which a crowd may fill the view: a third of the keypoints (decision 39), the share
+/// by which decision 25 knew a crowd. Above it wheels overrule, and a pose refutes no sensor (decision 41).
 pub(super) const CROWD: f64 = 0.35;
-/// A constant velocity is wrong by about this much after a frame, m (decisions 44 and 54).
+/// Error of a constant-velocity prediction after a frame, m (decisions 44 and 54).
 const PRIOR_SIGMA_M: f64 = 0.02;
-/// A constant velocity is wrong by about this much after a frame, rad: chosen, it moves what is seen at 1 m by [`PRIOR_SIGMA_M`].
+/// Error of a constant-velocity prediction after a frame, rad: chosen, it displaces points at 1 m by [`PRIOR_SIGMA_M`].
 const PRIOR_SIGMA_RAD: f64 = 0.02;
-/// Wheels are wrong by so much at least, with what votes err by, m: as much as `known::GATE_POSE_M` allows; chosen.
+/// Minimum error of a prediction by wheels, including that of votes, m: as much as `known::GATE_POSE_M` allows; chosen.
 const WHEELED_SIGMA_M: f64 = 0.005;
-/// Wheels are wrong by so much at least, with what votes err by, rad: chosen, between the error of two poses (`trust::POSES_SIGMA`) and
-/// `known::GATE_POSE`.
+/// Minimum error of a prediction by wheels, including that of votes, rad: chosen, between the error of two poses
+/// (`trust::POSES_SIGMA`) and `known::GATE_POSE`.
 const WHEELED_SIGMA_RAD: f64 = 0.004;
-/// Pairs that vote on the camera's motion, at most: enough for a pose to a millimetre. Chosen: a pair that errs by a third of a pixel tells 1.2 mm at
-/// 2 m (f = 535 px), and 300 level out what they do not share.
+/// Maximum number of voting pairs: enough for a pose to a millimetre. Chosen: a pair that errs by a third of a pixel
+/// gives 1.2 mm at 2 m (f = 535 px), and 300 average out their independent errors.
 const MAX_PAIRS: usize = 300;
-/// The motion is believed when pairs with this share of the weight agree on it. Chosen: people held 28 % of the image in the case of decision 21.
+/// Minimum share of the weight that must agree on the motion. Chosen: people held 28 % of the image in the case of
+/// decision 21.
 const MIN_WEIGHT_SHARE: f64 = 0.4;
-/// That of matches by descriptor is believed when so many agree, and [`ROUGH_SHARE`] of the weight: over a wide baseline most matches are wrong, and
-/// where so many agree on one motion to a pixel that is no coincidence. Which of two motions is the camera's, the flow tells that begins there. The
-/// code of ORB-SLAM2 (Mur-Artal, Tardos 2017) asks for as many matches to the last frame.
+/// Minimum number of agreeing matches by descriptor, together with [`ROUGH_SHARE`] of the weight: over a wide baseline
+/// most matches are wrong, and such an agreement to a pixel is no coincidence. Flow starting from that motion then
+/// decides which motion is the camera's. The code of ORB-SLAM2 (Mur-Artal, Tardos 2017) requires as many matches to the
+/// last frame.
 const ROUGH_AGREED: usize = 20;
 /// Share of the weight for that: half of [`MIN_WEIGHT_SHARE`], chosen as most matches by descriptor may be wrong.
 const ROUGH_SHARE: f64 = 0.2;
-/// A motion that sensors allow is believed when pairs with this share of the weight agree on it: sensors rule out motions that are not the camera's.
-/// People fill up to nine tenths of a view (decision 39), of which this is the rest.
+/// Minimum share of the weight for a motion bound to sensors, which rule out other motions. People fill up to nine
+/// tenths of a view (decision 39), of which this is the rest.
 const MIN_BOUND_SHARE: f64 = 0.1;
-/// Share of the weight, or of the pairs, that counts as nearly all. A motion on which nearly all agree is believed unless a gyroscope contradicts it
-/// or a person may fill the view (decision 39).
+/// Share of the weight, or of the pairs, that counts as nearly all. A motion on which nearly all agree is accepted
+/// unless a gyroscope contradicts it or a person may fill the view (decision 39).
 const PLAIN_SHARE: f64 = 0.9;
-/// Side of the blocks of the image that have one say each, px: chosen, 16x12 blocks of 640x480, each as wide as a head of 15 cm at 2 m (f = 535 px).
+/// Side of the image blocks with equal weight, px: chosen, 16x12 blocks of 640x480, each as wide as a head of 15 cm at
+/// 2 m (f = 535 px).
 const BLOCK_PX: f64 = 40.0;
-/// Surfaces farther than this have no more say, m: what is farther tells the turning only. It is half of the default of `sensor.max_depth`; chosen.
+/// Depth above which the weight does not grow, m: farther points constrain rotation only. It is half of the default of
+/// `sensor.max_depth`; chosen.
 const FAR: f64 = 4.0;
 
-/// The camera's motion by a vote of the flow.
+/// A camera motion from a flow vote.
 #[derive(Clone, Debug)]
 pub(super) struct Vote {
-    /// The pose that it leads to.
     pub(super) camera_from_world: Se3,
-    /// Whether it was judged sharply: then it says which motion is the camera's, though matches by descriptor say another.
+    /// Whether it was judged sharply: then it takes precedence over matches by descriptor.
     pub(super) exact: bool,
-    /// Pairs that agree.
     pub(super) agreed: usize,
-    /// Pairs that voted.
     pub(super) voted: usize,
     /// Inverse covariance of the motion, as that of the pose.
     pub(super) information: Mat6,
-    /// Share of the weight that agrees.
+    /// Agreeing share of the weight.
     pub(super) share: f64,
-    /// Whether it moves as sensors say.
+    /// Whether the motion is bound to the sensors.
     pub(super) is_bound: bool,
 }
 
 impl Vote {
-    /// Whether nearly all pairs agree on it, by weight and by number: also those that were taken to move before.
+    /// Whether nearly all pairs agree, by weight and by number, including those on surfaces that moved before.
     pub(super) fn is_of_nearly_all(&self) -> bool {
         self.share >= PLAIN_SHARE && self.agreed as f64 >= PLAIN_SHARE * self.voted as f64
     }
 }
 
-/// How a vote looks for the motion with the most say.
+/// How a vote searches for the motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Search {
-    /// Among the motions of random samples and the predicted one.
+    /// RANSAC, with the predicted motion as first hypothesis.
     Samples,
-    /// Around the predicted one alone.
+    /// Refinement of the predicted motion alone.
     Refine,
 }
 
-/// Memory that votes take, used again from frame to frame.
 #[derive(Default)]
 pub(super) struct VoteMemory {
     voters: Vec<MotionPair>,
-    /// Blocks of the image, a say each.
+    /// Image block of each pair.
     blocks: Vec<[i64; 2]>,
     finder: MotionFinder,
     inliers: Vec<bool>,
 }
 
 impl Tracker {
-    /// The camera's motion since the last frame by a vote of the flow. Features on surfaces that moved before have next to no say.
+    /// Camera motion since the last frame by a flow vote. Features on surfaces that moved before have little weight.
     pub(super) fn vote(
         &mut self,
         frame: &RgbdFrame,
@@ -141,7 +144,7 @@ impl Tracker {
         let last = self.state.last().filter(|_| !pairs.is_empty())?;
         let known = self.known_since_last();
         let prior = self.prior(&last.world_from_camera, predicted, known.as_ref());
-        // Later what moves is known by what it did, and is not asked: then wide gates measure better, also in blurred images.
+        // Once moving surfaces are known and down-weighted, wide gates are more accurate, also in blurred images.
         let exact = frame.stamp - self.beginning.stamp < UNDECIDED || self.moving_share > SOME_MOVE;
         let velocity = self.motion_to(predicted).at_before();
         let VoteMemory {
@@ -187,19 +190,19 @@ impl Tracker {
         let allowed = |v: &Vote| turn.allows(&(last_from_world * v.camera_from_world.inverse()));
         let rules = self.rules(&known);
         if let Some(vote) = &free {
-            // Where nearly all agrees, nobody else moves, unless it is somebody who fills the view; wheels that say otherwise slip.
+            // If nearly all agree, nothing else moves, unless a person fills the view; contradicting wheels slip.
             let is_plain = vote.share >= PLAIN_SHARE && (allowed(vote) || !known.by_gyro);
             if is_plain && !(rules && self.may_be_filled()) {
                 return free;
             }
-            // Who moves otherwise than the camera has no say in how it moves.
+            // Pairs that contradict a deciding sensor lose their weight.
             if rules && !allowed(vote) {
                 let riders = votes.iter_mut().zip(&*inliers).filter(|(_, rides)| **rides);
                 riders.for_each(|(pair, _)| pair.weight = 0.0);
             }
         }
         let bound = find(votes, Some(turn), MIN_BOUND_SHARE, inliers);
-        // What fills the view and moves nearly as the camera does is within the gate too.
+        // A person who fills the view and moves nearly as the camera does passes the gate too.
         let free = free.filter(|_| !self.may_ride(&known));
         let agrees = free.as_ref().is_none_or(allowed);
         let choice = Choice::between(free, bound, agrees, rules);
@@ -209,19 +212,19 @@ impl Tracker {
         choice.vote
     }
 
-    /// Whether somebody may fill the view, so that what nearly all agree on is no proof.
+    /// Whether a person may fill the view, so that near-unanimity is no proof.
     fn may_be_filled(&self) -> bool {
         self.was_blind() || self.moving_share > CROWD
     }
 
-    /// Whether only a motion that a sensor says may be taken for the camera's, as somebody may fill the view. Wheels slip: the map is believed before them until it
-    /// is out of sight.
+    /// Whether only the sensor's motion may be accepted as the camera's, because a person may fill the view. Wheels
+    /// slip, so the map takes precedence over them while it is visible.
     pub(super) fn may_ride(&self, known: &Known) -> bool {
         let filled = self.was_blind() || (known.by_gyro && self.may_be_filled());
         filled && self.rules(known)
     }
 
-    /// The prior of the motion: from confirmed wheels, or else a constant velocity.
+    /// Prior on the motion: from confirmed wheels, else constant velocity.
     fn prior(&self, world_from_last: &Se3, predicted: &Se3, known: Option<&Known>) -> MotionPrior {
         let wheels = known
             .filter(|k| k.confirmed)
@@ -240,7 +243,7 @@ impl Tracker {
         }
     }
 
-    /// Gathers the pairs that vote, spread over the features, with the camera moving by `velocity` in the frame before.
+    /// Gathers the voting pairs, spread over the features, with camera velocity `velocity` in the last frame.
     fn voters(
         &self,
         data: &KeyframeData,
@@ -261,13 +264,13 @@ impl Tracker {
             let raw_y = f64::from(pair.before_raw[1]);
             let before = shutter.at_stamp(pair.before_exposed, raw_y, reading.z, velocity);
             let (z, sigma) = (data.depth(i)?, f64::from(data.depth_sigmas[i]));
-            // Both depths are wrong: the error of the point is added to that of the measurement.
+            // Both depths have errors: the point's error is added to that of the measurement.
             let sigma = (reading.sigma * reading.sigma + sigma * sigma).sqrt();
             let sigma_px = libm::hypot(SIGMA_PX, SIGMAS * pair.sigma());
             Some(MotionPair {
                 point: data.camera.backproject(pair.now, z),
                 measurement: Measurement::new(pair.before, sigma_px, Some((before.z, sigma))),
-                // Of the place in the frame before, whose surfaces are judged already; those of this frame need its pose first.
+                // From the last frame, whose surfaces are judged already; those of this frame need its pose first.
                 weight: self.filter.say(pair.before_raw),
             })
         };
@@ -276,8 +279,8 @@ impl Tracker {
         Some(())
     }
 
-    /// The camera's motion since the last frame with a pose by a vote of matches by descriptor, wherever in the image they are: while no
-    /// velocity is known, and where the camera turned so abruptly that flow lost its way. What moved then is not among them.
+    /// Camera motion since the last frame with a pose from matches by descriptor anywhere in the image: used while
+    /// there is no velocity, and when flow failed after an abrupt turn. Points that moved then are excluded.
     pub(super) fn vote_by_descriptors(
         &self,
         frame: &RgbdFrame,
@@ -329,8 +332,8 @@ impl Tracker {
     }
 }
 
-/// Gives each block of the image one say, shared by its pairs, and more to what is far: a surface of one size shows as many corners
-/// near as far, and covers less of the image.
+/// Gives each image block the same weight, shared by its pairs, and more to distant ones: a surface has as many corners
+/// near as far, but covers less of the image.
 fn give_say_by_area(votes: &mut [MotionPair], blocks: &mut Vec<[i64; 2]>) {
     let block = |p: &MotionPair| {
         let pixel = p.measurement.pixel / BLOCK_PX;

@@ -54,7 +54,7 @@ fn check(found: &[[f64; 2]], expected: &[[f64; 2]]) {
 fn what_is_learnt_of_a_keyframe_is_spread_over_the_frames_before_it() {
     let mut map = Map::new(8, 1.2);
     add(&mut map, 0, None, at(0.0, 0.0));
-    // Measured at 0.4, refined to 0.44 and turned by 0.2.
+    // Measured at 0.4, refined to 0.44 and rotated by 0.2.
     add(&mut map, 4, Some(0), at(0.44, 0.2));
     let frames = [
         entry(0, true, 0, 0.0),
@@ -71,7 +71,7 @@ fn what_is_learnt_of_a_keyframe_is_spread_over_the_frames_before_it() {
         [0.33, 0.15],
         [0.44, 0.2],
     ];
-    // Nothing is known of what comes after the last keyframe.
+    // Frames after the last keyframe are unchanged.
     check(
         &resolved(&frames, &map),
         &[&spread[..], &[[0.5, 0.0]]].concat(),
@@ -85,7 +85,8 @@ fn what_may_be_a_keyframes_own_error_is_not_spread() {
         entry(1, false, 0, 0.1),
         entry(2, true, 0, 0.2),
     ];
-    // As much as chance: half of it. Far less: nothing. Far more: all. The frame in the middle has half of that.
+    // A correction equal to the noise is applied half, a much smaller one not, a much larger one fully. The middle
+    // frame gets half of that.
     for (off, spread) in [(0.0014, 0.5), (0.0001, 0.005), (0.05, 0.9992)] {
         let mut map = Map::new(8, 1.2);
         add(&mut map, 0, None, at(0.0, 0.0));
@@ -114,7 +115,7 @@ fn frames_measured_from_another_keyframe_stay() {
     ];
     let expected = [[0.0, 0.0], [0.13, 0.0], [0.26, 0.0], [0.3, 0.0], [0.5, 0.0]];
     check(&resolved(&frames, &map), &expected);
-    // Were both measured from the first, what is known of it at either end counts: 0.06 and 0.1.
+    // If both are measured from the first, corrections at either end count: 0.06 and 0.1.
     let frames = [
         entry(0, true, 0, 0.0),
         entry(2, true, 0, 0.2),
@@ -125,7 +126,7 @@ fn frames_measured_from_another_keyframe_stay() {
     check(&resolved(&frames, &map), &expected);
 }
 
-/// Frames at 30 Hz that jitter by a centimetre to and fro.
+/// Frames at 30 Hz that jitter by a centimetre.
 fn jittered(count: u32) -> Vec<TrajectoryEntry> {
     let frame = |k: u32| TrajectoryEntry {
         stamp: f64::from(k) / 30.0,
@@ -134,7 +135,7 @@ fn jittered(count: u32) -> Vec<TrajectoryEntry> {
     (0..count).map(frame).collect()
 }
 
-/// By how much the smoothed pose of each entry differs from the one before smoothing, m.
+/// Change of each pose by smoothing, m.
 fn smoothed_by(entries: &[TrajectoryEntry]) -> Vec<f64> {
     let mut map = Map::new(8, 1.2);
     add(&mut map, 0, None, at(0.0, 0.0));

@@ -1,4 +1,4 @@
-//! A synthetic world along a circle, a walk in it, and the map that a drifting camera makes of it.
+//! A synthetic world along a circle, a walk in it, and the map made by a drifting camera.
 
 use super::estimation::{Purpose, Rng, rng};
 use super::features::{Descriptor, FeatureGrid, Keypoint};
@@ -9,18 +9,17 @@ use std::sync::Arc;
 
 /// Distance between keyframes, m.
 pub(crate) const STEP_M: f64 = 0.2;
-/// Points for each metre of the path, and how many of them a keyframe sees at most.
+/// Points per metre of the path, and maximum number seen by a keyframe.
 const PER_M: f64 = 250.0;
 pub(crate) const SEEN: usize = 400;
-/// Landmarks that covisible keyframes share, at least.
+/// Minimum number of landmarks shared by covisible keyframes.
 const MIN_SHARED: u32 = 15;
 
-/// Points with descriptors along a circle.
 pub(crate) struct World {
     length: f64,
-    /// Features of a keyframe that see nothing twice.
+    /// Additional features per keyframe that are never seen again.
     clutter: usize,
-    /// Place along the path, position, descriptor; by place.
+    /// Position along the path, position in space, descriptor; in order of the path.
     points: Vec<(f64, Vec3, Descriptor)>,
 }
 
@@ -28,14 +27,13 @@ fn normal(random: &mut Rng) -> f64 {
     (0..12).map(|_| random.unit() - 0.5).sum()
 }
 
-/// A random descriptor.
 fn any(random: &mut Rng) -> Descriptor {
     let word = |r: &mut Rng| (r.unit() * 4_294_967_296.0) as u64;
     let mut bits = || (word(random) << 32) | word(random);
     Descriptor([bits(), bits(), bits(), bits()])
 }
 
-/// The pose `world_from_camera` at a place (m) on the circle, looking ahead.
+/// The pose `world_from_camera` at a position (m) on the circle, looking ahead.
 pub(crate) fn pose(place: f64, length: f64) -> Se3 {
     let angle = place / length * std::f64::consts::TAU;
     let radius = length / std::f64::consts::TAU;
@@ -44,7 +42,6 @@ pub(crate) fn pose(place: f64, length: f64) -> Se3 {
 }
 
 impl World {
-    /// A world along a circle of this length, m.
     pub(crate) fn new(length: f64) -> Self {
         let random = &mut rng(1, 0, Purpose(1000));
         let points = (0..(PER_M * length) as usize).map(|i| {
@@ -61,13 +58,13 @@ impl World {
         }
     }
 
-    /// The same world, in which a keyframe has so many features more, none of which is ever seen again.
+    /// Adds features to every keyframe that are never seen again.
     #[allow(dead_code)] // Only the laboratory needs as many as real images have.
     pub(crate) fn with_clutter(self, clutter: usize) -> Self {
         Self { clutter, ..self }
     }
 
-    /// The same world, but that the first `stretch` metres are there again, exactly, from the place `at` (m) on.
+    /// Repeats the first `stretch` metres exactly from position `at` (m) on.
     #[allow(dead_code)] // Only the test has equal places.
     pub(crate) fn with_copy(mut self, at: f64, stretch: f64) -> Self {
         let there = pose(at, self.length) * pose(0.0, self.length).inverse();
@@ -79,7 +76,7 @@ impl World {
         self
     }
 
-    /// What a keyframe at a place sees, and which point each feature is.
+    /// Keyframe data at a position, and the point index of each feature.
     fn look(&self, place: f64, camera: &Camera, random: &mut Rng) -> (KeyframeData, Vec<usize>) {
         let camera_from_world = pose(place, self.length).inverse();
         let first = (place * PER_M) as usize;
@@ -97,7 +94,7 @@ impl World {
         };
         let (mut which, mut descriptors) = (Vec::new(), Vec::new());
         for i in (first..first + (4.0 * PER_M) as usize).map(|i| i % self.points.len()) {
-            // The same points are chosen by all: features are repeatable.
+            // All keyframes select the same points, as repeatable features.
             if which.len() >= SEEN || i.is_multiple_of(3) {
                 continue;
             }
@@ -145,7 +142,7 @@ impl World {
             descriptors.push(any(random));
             data.mappable.push(true);
         }
-        // As many as there are, as in frames: lists that grew have room for more.
+        // Exact capacity, as in frames.
         data.keypoints.shrink_to_fit();
         data.positions.shrink_to_fit();
         for list in [&mut data.sigma_px, &mut data.depths, &mut data.depth_sigmas] {
@@ -161,25 +158,23 @@ impl World {
     }
 }
 
-/// A map that grows by a keyframe every 0.2 m, while its poses drift. What is seen again after a round is not known again.
+/// A map that grows by a keyframe every 0.2 m with drifting poses. Points seen again after a round are not matched.
 pub(crate) struct Walk {
     world: World,
     camera: Camera,
-    /// The map.
     pub(crate) map: Map,
     known: BTreeMap<usize, LandmarkId>,
     rounds: f64,
     drift: Se3,
     random: Rng,
     keyframes: u32,
-    /// Every so many keyframes nothing is known again.
+    /// Interval of keyframes after which nothing is matched.
     gap: Option<u32>,
-    /// From keyframe to keyframe, m.
+    /// Distance between keyframes, m.
     pace: f64,
 }
 
 impl Walk {
-    /// A walk that begins at the world's beginning.
     pub(crate) fn new(world: World) -> Self {
         Self {
             world,
@@ -195,29 +190,27 @@ impl Walk {
         }
     }
 
-    /// The same walk with gaps, as turns faster than can be followed leave them: every so many keyframes nothing of before is known, and
-    /// the camera was off by some 6 cm and 1 degree meanwhile.
+    /// Adds gaps, as after fast turns: every `every` keyframes nothing earlier is matched, and the pose is off by some
+    /// 6 cm and 1 degree.
     #[allow(dead_code)] // The laboratory has none.
     pub(crate) fn with_gaps(mut self, every: u32) -> Self {
         self.gap = Some(every);
         self
     }
 
-    /// The same walk at another pace, m from keyframe to keyframe.
     #[allow(dead_code)] // The laboratory walks as fast as it can.
     pub(crate) fn at_pace(mut self, pace: f64) -> Self {
         self.pace = pace;
         self
     }
 
-    /// Bytes of what is there to be seen, and of what is known of it.
+    /// Memory of the world and of the known landmarks, bytes.
     #[allow(dead_code)] // The test measures none.
     pub(crate) fn world_bytes(&self) -> usize {
-        // A node of the tree is half empty at worst.
+        // A tree node is half empty at worst.
         size_of_val(&*self.world.points) + 2 * 16 * self.known.len()
     }
 
-    /// The true pose `world_from_camera` of a keyframe.
     #[allow(dead_code)] // The laboratory knows no truth.
     pub(crate) fn truth(&self, id: KeyframeId) -> Se3 {
         pose(self.pace * f64::from(id.0), self.world.length)

@@ -1,11 +1,11 @@
-//! Images that cannot be read.
+//! Unreadable images.
 
 use super::world::{Frames, Session, config, losses, room};
 use std::path::Path;
 use stillpoint_datasets::{ColourFormat, Dataset, FrameOptions, OpenOptions, Recorder};
 use stillpoint_imaging::{FrameSource, RgbdFrame, SourceError};
 
-/// Plays a source as a driver should: what can be gone on after is skipped. Returns how often that was.
+/// Plays a source like a driver: recoverable errors are skipped. Returns their number.
 fn play(session: &mut Session, source: &mut dyn FrameSource) -> usize {
     let mut skipped = 0;
     while let Some(item) = source.next_frame() {
@@ -64,7 +64,7 @@ fn truncated_files_cost_their_frames() {
         .collect();
     files.sort();
     assert_eq!(files.len(), 80);
-    // Depth comes first by name: the depth of frame 12 ends early, colour of frame 20 at once.
+    // Depth files sort first: the depth of frame 12 is truncated, the colour of frame 20 empty.
     for (file, share) in [(&files[12], 0.5), (&files[60], 0.0)] {
         let bytes = std::fs::read(file).unwrap();
         let end = (share * bytes.len() as f64) as usize;

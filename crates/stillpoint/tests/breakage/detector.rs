@@ -1,4 +1,4 @@
-//! A detector that fails for good, or takes its time.
+//! Failing and slow detectors.
 
 use super::world::{Recording, Session, config, losses, small, undisturbed, within};
 use std::sync::OnceLock;
@@ -8,13 +8,12 @@ use stillpoint_imaging::{RgbdFrame, Simd};
 use stillpoint_live::{LiveOptions, LiveSystem};
 use stillpoint_slam::{Event, Stages};
 
-/// People cross before a camera that is held in a room.
+/// People crossing in front of a hand-held camera.
 fn people() -> &'static Recording {
     static PEOPLE: OnceLock<Recording> = OnceLock::new();
     PEOPLE.get_or_init(|| Recording::new("walking_xyz", 20..110, small(267.5)))
 }
 
-/// Fails for good from a frame on.
 struct Dies(Box<dyn Detector>, u32);
 
 impl Detector for Dies {
@@ -46,11 +45,11 @@ fn a_detector_that_dies_leaves_tracking_as_good_as_without_one() {
     assert_eq!(failures(&session.events), 60);
     assert!(losses(&reports).is_empty());
     session.hold("a detector that dies", people(), &reports);
-    // Objects are propagated for a while, and not for good.
+    // Objects are propagated for a limited time.
     assert!(reports[29].objects.len() + reports[30].objects.len() > 0);
     assert!(reports[89].objects.is_empty());
 
-    // One that never answers changes nothing at all.
+    // A detector without any answer has no effect at all.
     let detector = Box::new(Dies(people().detector(), 0));
     let mut session = Session::new(people(), config()).with_detector(detector);
     session.feed(people().play(0..90));
@@ -67,12 +66,11 @@ fn answers_that_are_two_seconds_late_do_no_harm() {
     let received = |e: &&Event| matches!(e, Event::Detected(_));
     assert_eq!(session.events.iter().filter(received).count(), 2);
     assert!(losses(&reports).is_empty());
-    // They are not too late: what is known of two seconds ago is known.
+    // The answers are within the history.
     assert!(reports.iter().all(|r| r.counts.detections_too_late == 0));
     session.hold("answers two seconds late", people(), &reports);
 }
 
-/// Takes two seconds per answer.
 struct Slow(Box<dyn Detector>);
 
 impl Detector for Slow {
@@ -105,7 +103,7 @@ fn tracking_does_not_wait_for_a_slow_detector() {
     assert_eq!(result.ended.failures().count(), 0, "{:?}", result.ended);
     assert_eq!(result.statistics.frames.len(), 90);
     assert_eq!(result.trajectory.entries().len(), 90);
-    // One answer came, and some frames had none so old.
+    // One answer arrived; some frames had no older one.
     let ages = result
         .statistics
         .frames
@@ -124,7 +122,7 @@ fn tracking_does_not_wait_for_a_slow_detector() {
             .iter()
             .all(|a| a.latency >= 2.0)
     );
-    // Control: no frame waited as long.
+    // Control: no frame waited for the detector.
     assert!(result.statistics.frames.iter().all(|f| f.latency < 2.0));
     let kept = result.view.landmark_count();
     assert!(kept > 100, "{kept}");

@@ -1,5 +1,4 @@
-//! A machine that has no more file descriptors, or no more room on its disk. Both are limits of a process, so that each test runs in
-//! one of its own.
+//! Exhausted file descriptors and full disks. These limits apply to a process, so each test starts its own.
 #![cfg(unix)]
 
 use super::corrupt::record;
@@ -9,10 +8,10 @@ use std::process::Command;
 use stillpoint_datasets::{AtomicFile, Dataset, FrameOptions, OpenOptions, write_atomic};
 use stillpoint_imaging::FrameSource;
 
-/// Tells a process of its own where to work.
+/// Environment variable with the child process's folder.
 const FOLDER: &str = "STILLPOINT_TEST_BREAKAGE";
 
-/// Runs one of the functions below under a limit; returns what it printed.
+/// Runs one of the functions below under a limit; returns its output.
 fn under(limit: &str, test: &str, folder: &Path) -> String {
     let script = format!(
         "{limit}; exec \"$0\" --exact breakage::files::{test} --nocapture --test-threads=1"
@@ -34,7 +33,6 @@ fn folder() -> Option<PathBuf> {
     std::env::var_os(FOLDER).map(PathBuf::from)
 }
 
-/// Opens files until there is no descriptor left.
 fn exhaust() -> Vec<File> {
     let mut files = Vec::new();
     while let Ok(file) = File::open("/dev/null") {
@@ -43,7 +41,7 @@ fn exhaust() -> Vec<File> {
     files
 }
 
-/// Not a test by itself: what is done without descriptors.
+/// Not a test by itself: runs in the child without descriptors.
 #[test]
 fn child_without_descriptors() {
     let Some(folder) = folder() else { return };
@@ -61,7 +59,7 @@ fn child_without_descriptors() {
     drop(all);
     println!("frame: {unread}\nwrite: {unwritten}");
     assert!(unread.recoverable);
-    // With descriptors again all goes on.
+    // With descriptors again, reading continues.
     assert_eq!(source.next_frame().unwrap().unwrap().id.0, 2);
     println!("came to its end");
 }
@@ -85,7 +83,7 @@ fn without_file_descriptors_there_are_errors_that_say_so() {
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2);
 }
 
-/// Not a test by itself: what is done on a full disk.
+/// Not a test by itself: runs in the child on a full disk.
 #[test]
 fn child_on_a_full_disk() {
     let Some(folder) = folder() else { return };
@@ -102,7 +100,7 @@ fn child_on_a_full_disk() {
 fn on_a_full_disk_what_was_there_stays() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("result"), "old").unwrap();
-    // A limit on the size of files acts as a full disk does: writing fails half-way.
+    // A file size limit behaves like a full disk: writing fails half-way.
     let limit = "trap '' XFSZ; ulimit -f 8";
     let text = under(limit, "child_on_a_full_disk", dir.path());
     assert!(
@@ -116,7 +114,7 @@ fn on_a_full_disk_what_was_there_stays() {
         1,
         "files are left over"
     );
-    // And a device that is full.
+    // A device that is always full.
     if Path::new("/dev/full").exists() {
         let error = write_atomic(Path::new("/dev/full"), b"new").unwrap_err();
         println!("{error}");

@@ -1,18 +1,18 @@
-//! Images that show little or nothing, and depth that is missing.
+//! Images with little or no content, and missing depth.
 
 use super::world::{Session, assert_kept, config, losses, room, until_pose};
 use stillpoint_datasets::Disturbance;
 use stillpoint_imaging::{DepthImage, RgbdFrame};
 use stillpoint_slam::{LostReason, Outcome};
 
-/// Tracks 40 frames, then `frames` with something wrong, then 30 more. Returns why the bad frames were lost, and how many of those after
-/// them had no pose.
+/// Tracks 40 frames, then `frames` disturbed ones, then 30 more. Returns the loss reasons of the disturbed frames, and
+/// the number of later frames without a pose.
 fn through(what: Disturbance, frames: usize) -> (Vec<LostReason>, usize) {
     let mut session = Session::new(room(), config());
     session.feed(room().play(0..40));
     let before = session.view();
     let bad = session.feed(room().disturbed(40..40 + frames, what));
-    // A frame without a pose tells nothing to the map, and one with a pose has a true one.
+    // Frames without a pose add nothing to the map.
     let keyframes = session.view().keyframe_count() - before.keyframe_count();
     let made = bad.iter().filter(|r| r.is_keyframe).count();
     assert!(keyframes <= made, "{what:?}");
@@ -52,7 +52,7 @@ fn black_white_and_covered_images_are_lost_and_nothing_else() {
 
 #[test]
 fn blurred_images_and_jumps_of_the_exposure_are_survived() {
-    // (what, frames lost while it lasts and after it, at most)
+    // (disturbance, maximum lost frames during and after it)
     for (what, lost, after) in [
         (Disturbance::Blurred(2), 0, 0),
         (Disturbance::Blurred(12), 8, 1),
@@ -100,7 +100,7 @@ fn half_of_the_depth_is_enough() {
     session.hold("half of the depth", room(), &reports);
 }
 
-/// What no sensor should say of depth.
+/// Invalid depths.
 #[test]
 fn depths_that_are_no_numbers_are_not_measured() {
     let nonsense = [
@@ -115,7 +115,7 @@ fn depths_that_are_no_numbers_are_not_measured() {
         let (w, h) = (frame.depth.width(), frame.depth.height());
         let mut data = frame.depth.data().to_vec();
         for (i, z) in data.iter_mut().enumerate() {
-            // Columns of 8 px by turns, so that both are seen whole.
+            // Alternating columns of 8 px, so that both kinds form whole cells.
             if (i % w / 8).is_multiple_of(2) {
                 *z = nonsense[i % nonsense.len()];
             }

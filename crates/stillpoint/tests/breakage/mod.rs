@@ -1,7 +1,7 @@
-//! What happens when things break, on simulated recordings: no panic, nothing hangs, no map is lost, and events say what was wrong.
-//! The table of all cases is in docs/robustness.md.
+//! Robustness on simulated recordings: no panics, no hangs, no lost maps, and events that report the problem. The table
+//! of all cases is in docs/robustness.md.
 
-#![allow(clippy::print_stdout)] // `--nocapture` shows what was measured beside each bound.
+#![allow(clippy::print_stdout)] // `--nocapture` shows the measurements.
 
 mod corrupt;
 mod detector;

@@ -7,13 +7,13 @@ use stillpoint_imaging::{DepthImage, GrayImage, RgbdFrame};
 use stillpoint_map::SubmapId;
 use stillpoint_slam::FrameReport;
 
-/// Somebody in a checked shirt walks by so near that nothing else is to be seen but a strip of `free` px at the left border.
+/// A person in a checked shirt passes so near that only a strip of `free` px at the left border remains visible.
 fn covered_by_shirt(mut frame: RgbdFrame, step: usize, free: usize) -> RgbdFrame {
     let (w, h) = (frame.gray.width(), frame.gray.height());
     let (mut gray, mut depth) = (frame.gray.data().to_vec(), frame.depth.data().to_vec());
     for y in 0..h {
         for x in free..w {
-            // Patches of 6 px with levels of their own, which move to the right by 3 px per frame.
+            // Patches of 6 px with random levels, moving to the right by 3 px per frame.
             let (i, j) = ((x + 3000 - 3 * step) / 6, y / 6);
             let mut z = (i * 7919 + j * 104_729) as u64;
             z = (z ^ (z >> 7)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -26,7 +26,7 @@ fn covered_by_shirt(mut frame: RgbdFrame, step: usize, free: usize) -> RgbdFrame
     frame
 }
 
-/// Sees one person from a column on, in some frames.
+/// Detects a person from a column on, in a range of frames.
 struct SeesOne(std::ops::Range<u32>, f64);
 
 impl Detector for SeesOne {
@@ -54,7 +54,7 @@ impl Detector for SeesOne {
     }
 }
 
-/// Once found in the map the camera stays there.
+/// Whether the camera stays in the map once relocalised.
 fn home_again(reports: &[FrameReport]) -> bool {
     let home = |r: &FrameReport| r.submap == Some(SubmapId(0));
     let first = reports.iter().position(home).unwrap_or(reports.len());
@@ -64,7 +64,7 @@ fn home_again(reports: &[FrameReport]) -> bool {
 #[test]
 fn somebody_who_fills_the_image_for_two_seconds_does_not_carry_the_map_away() {
     let room = super::world::room();
-    // (a detector sees it, px of the image that stay free)
+    // (detected, free px of the image)
     for (detected, free) in [(false, 24), (true, 24), (false, 0), (true, 0)] {
         let mut session = Session::new(room, config());
         if detected {
@@ -74,7 +74,7 @@ fn somebody_who_fills_the_image_for_two_seconds_does_not_carry_the_map_away() {
         let before = session.view();
         let shirt = room.play(30..90).into_iter().enumerate();
         let bad = session.feed(shirt.map(|(i, f)| covered_by_shirt(f, i, free)).collect());
-        // What is seen then is what was seen before.
+        // Afterwards the initial view is shown again.
         let after = session.go_on(
             room.play(0..30)
                 .into_iter()
@@ -93,7 +93,7 @@ fn somebody_who_fills_the_image_for_two_seconds_does_not_carry_the_map_away() {
             after.len() - at_home(&after),
             session.view().submaps().len()
         );
-        // No pose in the map was false, and what had been begun on the shirt took a second to be left.
+        // No pose in the map was wrong, and a submap started on the shirt was left within a second.
         let what = format!("a shirt but for {free} px with detector {detected}");
         session.hold(&what, room, &bad);
         session.hold(&format!("after {what}"), room, &after);
@@ -113,7 +113,7 @@ fn a_crowd_that_fills_the_image_leaves_no_false_pose() {
     let reports = session.feed(recording.play(0..70));
     let lost = losses(&reports).len();
     println!("{lost} of 70 lost, {} in the map", at_home(&reports));
-    // They cover more than a room's features can be seen beside, for a second.
+    // For a second they cover too much of the room for tracking.
     assert!((10..40).contains(&lost), "{lost}");
     session.hold("a crowd that fills the image", &recording, &reports);
 }

@@ -1,4 +1,4 @@
-//! A camera that is covered and uncovered elsewhere.
+//! A camera that is covered, moved and uncovered.
 
 use super::world::{Session, assert_kept, config, losses, until_pose, walk};
 use stillpoint_datasets::Disturbance;
@@ -16,7 +16,7 @@ fn uncovered_where_it_was_it_is_found_and_elsewhere_it_begins_a_submap() {
         assert_eq!(losses(&dark).len(), 35);
         session
     };
-    // Where it was half a second before.
+    // At its position half a second before.
     let mut session = covered();
     let before = session.view();
     let found = session.go_on(walk().play(25..40), 0.0);
@@ -24,7 +24,7 @@ fn uncovered_where_it_was_it_is_found_and_elsewhere_it_begins_a_submap() {
     session.hold("covered and found where it was", walk(), &found);
     assert_kept(&before, &session.view());
 
-    // Where nothing is known.
+    // In an unknown place.
     let mut session = covered();
     let before = session.view();
     let elsewhere = session.go_on(walk().play(75..115), 0.0);

@@ -1,4 +1,4 @@
-//! Frames that come twice, out of order, late, or with another clock.
+//! Frames that are repeated, out of order, late, or have a different clock.
 
 use super::world::{
     Frames, Recording, Session, assert_kept, at_home, config, losses, room, small, undisturbed,
@@ -8,7 +8,6 @@ use stillpoint_imaging::{DepthImage, GrayImage, RgbdFrame, Simd};
 use stillpoint_live::{Delivery, LiveOptions, LiveSystem};
 use stillpoint_slam::{Event, OnEvent, RefusalReason, Replay, Stages};
 
-/// Moves the clock of all frames.
 fn shifted(mut frames: Vec<RgbdFrame>, seconds: f64) -> Vec<RgbdFrame> {
     for frame in &mut frames {
         frame.stamp += seconds;
@@ -30,7 +29,7 @@ fn frames_that_come_twice_change_nothing() {
     assert!(session.refused().iter().all(by_number));
     assert_eq!(session.digest(), undisturbed("room", room()));
 
-    // The same image again as the next one.
+    // The same image again with the next number.
     let mut session = Session::new(room(), config());
     let mut frames = Vec::new();
     for (i, frame) in room().play(0..40).into_iter().enumerate() {
@@ -61,7 +60,7 @@ fn frames_out_of_order_are_left_out_and_change_nothing_else() {
     without.feed(in_order.filter(|f| !refused.contains(&f.id.0)).collect());
     assert_eq!(session.digest(), without.digest());
     assert!(losses(&session.reports()).is_empty());
-    // Control: what was left out is missed.
+    // Control: the refused frames matter.
     let mut all = Session::new(room(), config());
     all.feed(room().play(0..70));
     assert_ne!(session.digest(), all.digest());
@@ -72,7 +71,7 @@ fn a_gap_of_two_seconds_is_bridged() {
     let mut session = Session::new(room(), config());
     session.feed(room().play(0..60));
     let before = session.view();
-    // The camera stood still meanwhile, or is where it was a second ago.
+    // During the gap the camera stood still, or returned to its position a second before.
     for (next, what) in [(60..90, "it stood still"), (30..60, "it went back")] {
         let after = session.go_on(room().play(next), 2.0);
         println!("pose after {} frames", until_pose(&after));
@@ -99,12 +98,12 @@ fn a_clock_that_jumps_costs_at_most_one_frame() {
     }
 }
 
-/// What is remembered by its stamp must not outlive the clock that it was taken by.
+/// State with stamps of the old clock must be dropped.
 #[test]
 fn a_clock_that_jumps_back_does_not_silence_the_detector() {
     let people = Recording::new("walking_xyz", 40..80, small(267.5));
     let with_objects = |jump: f64| {
-        // The detector plays a script by stamps: it is shown the time that it knows.
+        // The detector's script uses the original stamps.
         let config = config();
         let detector = Box::new(Shifted(people.detector(), 20, jump));
         let mut session = Session::new(&people, config).with_detector(detector);
@@ -118,7 +117,7 @@ fn a_clock_that_jumps_back_does_not_silence_the_detector() {
     assert!(jumped + 3 >= straight, "{jumped} of {straight}");
 }
 
-/// A detector whose script knows nothing of a jump of the clock at a frame.
+/// A detector with original stamps, while the clock jumps at a frame.
 struct Shifted(Box<dyn stillpoint_detection::Detector>, u32, f64);
 
 impl stillpoint_detection::Detector for Shifted {
@@ -140,7 +139,7 @@ impl stillpoint_detection::Detector for Shifted {
     }
 }
 
-/// A camera that is covered, whose clock is set back meanwhile, and that is uncovered far away in the same room.
+/// A covered camera whose clock is set back, uncovered far away in the same room.
 #[test]
 fn a_clock_that_jumps_back_while_the_camera_is_lost_does_not_keep_it_lost() {
     let found_after = |jump: f64| {
@@ -150,7 +149,7 @@ fn a_clock_that_jumps_back_while_the_camera_is_lost_does_not_keep_it_lost() {
         let (first, second) = dark.split_at(2);
         session.feed(first.to_vec());
         session.feed(shifted(second.to_vec(), jump));
-        // As after 40 dark frames, 0.6 m from where it was.
+        // Like after 40 dark frames, 0.6 m from its last position.
         let after = session.go_on(walk().play(0..20), 1.0);
         let home = at_home(&after);
         println!(
@@ -178,7 +177,7 @@ fn frames_that_do_not_fit_the_camera_are_refused() {
     assert_eq!(refused, [10, 11, 12, 13]);
 }
 
-/// The live driver refuses the same frames; they are in no log, and a replay of all frames passes over them.
+/// The live driver refuses the same frames; they are not logged, and a replay of all frames skips them.
 #[test]
 fn a_live_run_refuses_what_an_inline_run_does() {
     let mut frames = room().play(0..40);

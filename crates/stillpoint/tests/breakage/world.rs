@@ -1,4 +1,4 @@
-//! Recordings, what is done to them, and what the system says of it.
+//! Recordings, disturbances, and results of the system.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
@@ -14,16 +14,14 @@ use stillpoint_simulator::{DetectionNoise, Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, Event, FrameReport, LostReason, Outcome, RefusedFrame, System};
 use stillpoint_testdata::ate::{self, Figures};
 
-/// A recording whose frames are rendered once, for several runs over them.
+/// A recording rendered once for several runs.
 pub(crate) struct Recording {
     pub(crate) camera: Camera,
     pub(crate) frames: Vec<RgbdFrame>,
-    /// True poses of all frames.
     truth: Vec<Se3>,
     script: Vec<ScriptRow>,
 }
 
-/// A camera with a small image.
 pub(crate) fn small(focal: f64) -> Camera {
     Camera::pinhole(320, 240, [focal, focal, 159.5, 119.5])
 }
@@ -39,12 +37,12 @@ pub(crate) fn simulator(scene: &str, camera: Camera) -> Simulator {
 }
 
 impl Recording {
-    /// The frames `range` of a scene, and what a detector says of them.
+    /// The frames `range` of a scene, with detections.
     pub(crate) fn new(scene: &str, range: Range<usize>, camera: Camera) -> Self {
         Self::of(scene, range.collect(), camera)
     }
 
-    /// The same with some frames of a scene, in this order.
+    /// Likewise with the given frames of a scene, in this order.
     fn of(scene: &str, shown: Vec<usize>, camera: Camera) -> Self {
         let simulator = simulator(scene, camera);
         let noise = DetectionNoise {
@@ -88,12 +86,10 @@ impl Recording {
         Box::new(ScriptedDetector::new("the simulator's", self.script.clone()).unwrap())
     }
 
-    /// Frames of the recording.
     pub(crate) fn play(&self, range: Range<usize>) -> Vec<RgbdFrame> {
         self.frames[range].to_vec()
     }
 
-    /// Frames of the recording with something wrong with them.
     pub(crate) fn disturbed(&self, range: Range<usize>, what: Disturbance) -> Vec<RgbdFrame> {
         let ids = range.start as u32..range.end as u32;
         let source = Frames::of(self.play(range));
@@ -102,20 +98,20 @@ impl Recording {
         frames.map(Result::unwrap).collect()
     }
 
-    /// By how much a pose is off where the frame `of` is the recording's, m. Frame 0 is where the map begins.
+    /// Position error of a pose relative to the true one of frame `of`, m. The map begins at frame 0.
     pub(crate) fn off(&self, of: usize, pose: &Se3) -> f64 {
         let real = self.truth[0].inverse() * self.truth[of];
         (pose.translation - real.translation).norm()
     }
 }
 
-/// A camera held in a room.
+/// A hand-held camera in a room.
 pub(crate) fn room() -> &'static Recording {
     static ROOM: OnceLock<Recording> = OnceLock::new();
     ROOM.get_or_init(|| Recording::new("xyz", 0..130, small(267.5)))
 }
 
-/// A camera that is carried through two rooms: 75 frames, and 40 that are taken 3 s later.
+/// A camera carried through two rooms: 75 frames, and 40 taken 3 s later.
 pub(crate) fn walk() -> &'static Recording {
     static WALK: OnceLock<Recording> = OnceLock::new();
     WALK.get_or_init(|| {
@@ -124,7 +120,7 @@ pub(crate) fn walk() -> &'static Recording {
     })
 }
 
-/// The digest of a run without trouble. Its errors are what all others are to be compared with.
+/// The digest of an undisturbed run; also checks its errors, as the reference for the other runs.
 #[track_caller]
 pub(crate) fn undisturbed(what: &str, recording: &Recording) -> u64 {
     let mut session = Session::new(recording, config());
@@ -134,7 +130,6 @@ pub(crate) fn undisturbed(what: &str, recording: &Recording) -> u64 {
     session.digest()
 }
 
-/// A source of frames in memory.
 pub(crate) struct Frames(pub(crate) VecDeque<Result<RgbdFrame, SourceError>>);
 
 impl Frames {
@@ -156,11 +151,10 @@ pub(crate) fn config() -> Config {
     config
 }
 
-/// A run, part by part.
 pub(crate) struct Session {
     pub(crate) system: System,
     pub(crate) events: Vec<Event>,
-    /// Which frame of the recording each frame shows, and the last stamp.
+    /// Frame of the recording shown by each frame, and the last stamp.
     shows: BTreeMap<FrameId, usize>,
     stamp: f64,
 }
@@ -180,7 +174,7 @@ impl Session {
         self
     }
 
-    /// Feeds frames; returns what was said of those that were looked at.
+    /// Feeds frames; returns the reports of those processed.
     pub(crate) fn feed(&mut self, frames: Vec<RgbdFrame>) -> Vec<FrameReport> {
         let before = self.events.len();
         for frame in frames {
@@ -191,7 +185,7 @@ impl Session {
         reports(&self.events[before..])
     }
 
-    /// Feeds frames in any order as those that follow the last one, `gap` seconds later than usual.
+    /// Feeds frames in any order as successors of the last one, `gap` seconds later than usual.
     pub(crate) fn go_on(&mut self, frames: Vec<RgbdFrame>, gap: f64) -> Vec<FrameReport> {
         let next = self.shows.last_key_value().map_or(0, |(id, _)| id.0 + 1);
         let (mut id, mut stamp) = (next, self.stamp + gap);
@@ -207,7 +201,7 @@ impl Session {
         self.feed(renumbered)
     }
 
-    /// The greatest error of a pose as it was reported, in the first submap, m.
+    /// The maximum error of a reported pose in the first submap, m.
     pub(crate) fn worst(&self, recording: &Recording, reports: &[FrameReport]) -> f64 {
         let off = |r: &FrameReport| {
             let pose = r
@@ -218,7 +212,8 @@ impl Session {
         reports.iter().filter_map(off).fold(0.0, f64::max)
     }
 
-    /// Holds the greatest error of these frames, and how many have a pose in the first submap, against the table of errors.
+    /// Compares the maximum error of these frames, and the number of poses in the first submap, with the table of
+    /// errors.
     #[track_caller]
     pub(crate) fn hold(&self, what: &str, recording: &Recording, reports: &[FrameReport]) {
         let found = Figures {
@@ -243,7 +238,7 @@ impl Session {
         self.events.iter().filter_map(refused).collect()
     }
 
-    /// A number that two runs have in common when they are the same, bit for bit.
+    /// A hash, equal for runs that are equal bit for bit.
     pub(crate) fn digest(&self) -> u64 {
         self.system.trajectory().digest(&self.system.view())
     }
@@ -261,7 +256,7 @@ pub(crate) fn reports(events: &[Event]) -> Vec<FrameReport> {
     events.iter().filter_map(report).collect()
 }
 
-/// Why frames have no pose, one reason for each that has none.
+/// Loss reason of each frame without a pose.
 pub(crate) fn losses(reports: &[FrameReport]) -> Vec<LostReason> {
     let loss = |r: &FrameReport| match r.outcome {
         Outcome::Lost { reason, .. } => Some(reason),
@@ -270,20 +265,20 @@ pub(crate) fn losses(reports: &[FrameReport]) -> Vec<LostReason> {
     reports.iter().filter_map(loss).collect()
 }
 
-/// How many of the frames have a pose in the first submap.
+/// Number of frames with a pose in the first submap.
 pub(crate) fn at_home(reports: &[FrameReport]) -> usize {
     let home = |r: &&FrameReport| r.submap == Some(SubmapId(0));
     reports.iter().filter(home).count()
 }
 
-/// How many frames pass until there is a pose again; all of them have none when that does not happen.
+/// Number of frames until the next pose; all of them if there is none.
 pub(crate) fn until_pose(reports: &[FrameReport]) -> usize {
     let found = reports.iter().position(|r| r.world_from_camera.is_some());
     found.unwrap_or(reports.len())
 }
 
-/// The map of before is still there: every keyframe or what became of it, and of the landmarks as many as of a map that goes on
-/// without trouble, of which new ones take the places of worse ones.
+/// The old map is preserved: all keyframes, live or as tombstones, and the usual number of landmarks, some replaced by
+/// better ones.
 pub(crate) fn assert_kept(before: &MapView, after: &MapView) {
     for k in before.keyframes() {
         assert!(after.world_from_keyframe(k.id).is_some(), "{}", k.id);
@@ -301,7 +296,7 @@ pub(crate) fn assert_kept(before: &MapView, after: &MapView) {
     assert!(all > 100 && share > 0.4 && after.landmark_count() >= all * 9 / 10);
 }
 
-/// What `work` gives. A test fails when that takes minutes, instead of hanging itself.
+/// The result of `work`. Fails after two minutes instead of hanging.
 pub(crate) fn within<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     let (sender, receiver) = std::sync::mpsc::channel();
     let thread = std::thread::spawn(move || sender.send(work()));

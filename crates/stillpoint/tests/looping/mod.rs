@@ -1,6 +1,6 @@
-//! Loop closing in the whole system: what it gains, that every loop is true, and that a run gives the same bytes twice.
+//! Loop closing in the whole system: improvement, correctness of every loop, and deterministic results.
 //!
-//! The whole walk at the full rate of frames, on five seeds, and the two equal rooms are in `lab loops`.
+//! The whole walk at the full frame rate, on five seeds, and the two equal rooms are in `lab loops`.
 
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_imaging::Simd;
@@ -8,10 +8,9 @@ use stillpoint_simulator::{Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, Event, LoopOutcome, LoopReport, System};
 use stillpoint_testdata::ate::{self, Figures};
 
-/// A system on its way.
 struct Run {
     system: System,
-    /// Loops that were reported when they happened.
+    /// Number of loops reported by events.
     reported: usize,
     frames: usize,
 }
@@ -45,12 +44,11 @@ impl Run {
         self.system.loops().iter().filter(closed).collect()
     }
 
-    /// Every pose and every loop, bit for bit.
     fn bits(&self) -> String {
         format!("{:?} {:?}", self.poses(), self.system.loops())
     }
 
-    /// Greatest distance between the final poses of two frames in a row, m.
+    /// Maximum distance between the final poses of consecutive frames, m.
     fn largest_step(&self) -> f64 {
         let poses = self.poses();
         let steps = poses.windows(2).map(|w| {
@@ -61,7 +59,7 @@ impl Run {
     }
 }
 
-/// Passes every `every`-th frame, from `first` on, to each run.
+/// Feeds every `every`-th frame, from `first` on, to each run.
 fn play(simulator: &Simulator, first: usize, every: usize, runs: &mut [&mut Run]) {
     for i in (first..simulator.len()).step_by(every) {
         let frame = simulator.frame(i);
@@ -89,7 +87,7 @@ fn ate_mm(truth: &[(f64, stillpoint_geometry::Se3)], run: &Run) -> f64 {
     score.ate.statistics.rmse * 1e3
 }
 
-/// Holds a run against the table of errors.
+/// Compares a run with the table of errors.
 #[track_caller]
 fn hold(sequence: &str, error_mm: f64, run: &Run) {
     let found = Figures {
@@ -100,8 +98,8 @@ fn hold(sequence: &str, error_mm: f64, run: &Run) {
     ate::hold(sequence, "none", "default", found);
 }
 
-/// The walk through two rooms at every fourth frame: without looping, and with corrections that come a second late and meet a map
-/// that has grown since. It takes long because the walk is: a loop is found at its end.
+/// A walk through two rooms at every fourth frame: without looping, and with corrections a second late, applied to a
+/// map that has grown since. Slow, since the loop is at the end of the walk.
 #[test]
 fn a_walk_through_two_rooms_closes() {
     let simulator = Simulator::new(&SimulatorConfig {
@@ -132,14 +130,14 @@ fn a_walk_through_two_rooms_closes() {
         assert!(m < 0.1 && degrees < 5.0, "{l:?}: {m} m, {degrees} degrees");
         assert!(l.applied.is_some(), "{l:?}");
     }
-    // 0.9 m/s at 7.5 Hz: a frame that was left behind by the correction would show.
+    // 0.9 m/s at 7.5 Hz: a frame missed by the correction would be visible.
     assert!(late.largest_step() < 0.2, "{} m", late.largest_step());
     hold("sim:loop_two_rooms every 4th frame", after, &late);
     assert!(after < before, "{after} mm, without looping {before} mm");
 }
 
-/// A walk in haste, with turns up to 220 degrees per second, at every third frame: its loop is found, and is true. Control: without looping
-/// the drift stays.
+/// A fast walk with turns up to 220 degrees per second, at every third frame: its loop is found and correct. Control:
+/// without looping the drift stays.
 #[test]
 fn a_walk_in_haste_closes() {
     let simulator = Simulator::new(&SimulatorConfig {
@@ -167,10 +165,10 @@ fn a_walk_in_haste_closes() {
     );
 }
 
-/// Frames between those that are played: 7.5 of 30 per second are left, which keeps the test short.
+/// Frame stride: 7.5 of 30 per second, to keep the test short.
 const EVERY: usize = 4;
 
-/// Two runs with a loop give the same bytes; and so does another choice of kernels.
+/// Two runs with a loop give the same bytes, also with other kernels.
 #[test]
 #[ignore = "two minutes; `lab loops` compares runs on recordings too"]
 fn a_run_with_a_loop_gives_the_same_bytes_twice() {

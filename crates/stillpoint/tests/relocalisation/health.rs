@@ -1,4 +1,4 @@
-//! What is said of a frame's health: how far its covariance can be believed, and why a camera is lost.
+//! Health of frames: consistency of covariances, and causes of tracking loss.
 
 use super::PERIOD;
 use std::sync::OnceLock;
@@ -10,7 +10,7 @@ use stillpoint_slam::{Config, Event, FrameReport, Health, LossCause, Outcome, Sy
 
 const FRAMES: usize = 55;
 
-/// A room, with the frames rendered once.
+/// A room rendered once.
 struct Room {
     camera: Camera,
     frames: Vec<RgbdFrame>,
@@ -57,11 +57,11 @@ fn nees(error: &Vec6, covariance: &Mat6) -> f64 {
     error.dot(&covariance.cholesky().unwrap().solve(error))
 }
 
-/// Against the truth: in the world, and from frame to frame. Both within a factor of 2 of the standard deviations. While it is
-/// undecided who moves, the covariance allows for more.
+/// Errors against the truth, absolute and between frames, are within a factor of 2 of the standard deviations. While a
+/// motion hypothesis is undecided, the covariance is larger.
 #[test]
 fn poses_are_about_as_good_as_their_covariance_says() {
-    // Pooled over seeds: one of them tells the factor to a twentieth.
+    // Pooled over seeds: a single one gives the factor to a twentieth.
     let (mut world, mut steps) = (Vec::new(), Vec::new());
     for seed in 0..3 {
         compare_with_covariance(seed, &mut world, &mut steps);
@@ -72,7 +72,7 @@ fn poses_are_about_as_good_as_their_covariance_says() {
     assert!((0.5..2.0).contains(&world) && (0.5..2.0).contains(&steps));
 }
 
-/// Adds the squared Mahalanobis distance of the errors of a run's poses in the world, and of its steps from frame to frame.
+/// Adds the squared Mahalanobis distances of the errors of a run's poses and of its steps.
 fn compare_with_covariance(seed: u64, world: &mut Vec<f64>, steps: &mut Vec<f64>) {
     let config = Config {
         seed,
@@ -85,7 +85,7 @@ fn compare_with_covariance(seed: u64, world: &mut Vec<f64>, steps: &mut Vec<f64>
     for (frame, truth) in room.frames.iter().zip(&room.truth) {
         let (report, health) = step(&mut system, frame);
         let Some(covariance) = health.covariance else {
-            // The pose that the map begins with is exact.
+            // The pose that starts the map is exact.
             assert_eq!(report.outcome, Outcome::Initialised);
             continue;
         };
@@ -134,7 +134,7 @@ fn no_depth() -> DepthImage {
     DepthImage::from_vec(320, 240, vec![0.0; 320 * 240]).unwrap()
 }
 
-/// A wall of people: patches of 80 px with textures of their own, 1 m and more away, that go their own ways.
+/// A wall of people: textured patches of 80 px, at 1 m and more, with independent motions.
 fn people(step: usize) -> (GrayImage, DepthImage) {
     let (mut gray, mut depth) = (Vec::new(), Vec::new());
     for i in 0..320 * 240_usize {
@@ -153,7 +153,7 @@ fn people(step: usize) -> (GrayImage, DepthImage) {
     )
 }
 
-/// Tracks some frames of the room, then so many others, and says what became of the last.
+/// Tracks some frames of the room, then `others`; returns the last health.
 fn after(mut system: System, others: impl Iterator<Item = (GrayImage, DepthImage)>) -> Health {
     let known = 5;
     for frame in &room().frames[..known] {
@@ -201,7 +201,7 @@ fn missing_depth_is_reported() {
         let words = "no depth: 0 % of the pixels have one; check the depth sensor and its range";
         assert!(loss.to_string().ends_with(words), "{loss}");
     }
-    // With depth all is well at once.
+    // With depth tracking recovers at once.
     let (_, health) = step(
         &mut system,
         &shown(3, 0, gray, room().frames[0].depth.clone()),
@@ -238,7 +238,7 @@ fn a_wall_of_people_is_reported_where_they_were_detected() {
             .contains("people or things that move fill the image: 100 %")
     );
     assert_eq!(health.detections_age, Some(0.0));
-    // Control: nobody says that these are people, and the map does not know them.
+    // Control: without detections the cause is unknown.
     let health = after(system(), wall());
     let cause = health.loss.unwrap().cause;
     assert!(matches!(cause, LossCause::Unknown { .. }), "{cause}");

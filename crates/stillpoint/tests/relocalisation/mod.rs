@@ -1,6 +1,6 @@
-//! A camera that is lost: found again, in a new submap, and when submaps become one.
+//! Lost cameras: relocalisation, new submaps, and joining of submaps.
 
-#![allow(clippy::print_stdout)] // What was measured is worth reading.
+#![allow(clippy::print_stdout)] // Measurements are printed.
 
 mod health;
 mod real;
@@ -19,7 +19,7 @@ use stillpoint_testdata::ate::{self, Figures};
 
 const PERIOD: f64 = 1.0 / 30.0;
 
-/// A simulation whose frames are rendered once, since to render one takes longer than to track it.
+/// A simulation with cached frames, since rendering is slower than tracking.
 struct Room {
     simulator: Simulator,
     rendered: RefCell<BTreeMap<usize, RgbdFrame>>,
@@ -53,7 +53,7 @@ fn simulator(scene: &str, frames: usize) -> Room {
     }
 }
 
-/// What is played: frames of a simulation in any order, and frames of a covered lens.
+/// A sequence of simulated frames in any order, and of frames with a covered lens.
 #[derive(Clone)]
 struct Play(Vec<Option<usize>>);
 
@@ -81,7 +81,6 @@ struct Run {
 fn go_on(mut system: System, simulator: &Room, play: &Play) -> Run {
     let first = simulator.frame(0);
     let (w, h) = (first.gray.width(), first.gray.height());
-    // What a covered lens sees.
     let dark = RgbdFrame {
         gray: GrayImage::new(w, h),
         colour: None,
@@ -114,7 +113,7 @@ fn run(simulator: &Room, config: &Config, play: &Play) -> Run {
 }
 
 impl Run {
-    /// Final poses of one submap with the truth.
+    /// Final poses of one submap, with the truth.
     fn poses(&self, simulator: &Simulator, play: &Play, submap: SubmapId) -> [Vec<TimedPose>; 2] {
         let view = self.system.view();
         let truth = simulator.ground_truth();
@@ -142,7 +141,7 @@ impl Run {
         score.ate.statistics.rmse * 1e3
     }
 
-    /// Holds the ATE of the first submap against the table of errors. Frames of a covered lens have no pose that could be true.
+    /// Compares the ATE of the first submap with the table of errors. Frames of a covered lens are not counted.
     #[track_caller]
     fn hold(&self, sequence: &str, simulator: &Simulator, play: &Play) {
         let found = Figures {
@@ -188,7 +187,7 @@ fn a_camera_that_comes_back_to_a_known_place_is_found_at_once() {
     let Outcome::Relocalised { since, with } = found.outcome else {
         panic!("{:?}", found.outcome);
     };
-    // By its place: neither the last keyframe nor one near it.
+    // Relocalised by place recognition: neither at the last keyframe nor near it.
     assert!(since.0 == 100 && with.0 < 30, "{with}");
     assert_eq!(found.submap, Some(SubmapId(0)));
     let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
@@ -196,8 +195,8 @@ fn a_camera_that_comes_back_to_a_known_place_is_found_at_once() {
     run.hold("sim:loop_two_rooms covered and back", &simulator, &play);
 }
 
-/// Two rooms with equal things in them. No loop is closed between them; and a camera that is blind for a moment, at the worst
-/// place, is rather lost than found in the other one.
+/// Two rooms with equal furniture: no loop is closed between them, and a camera that is blind for a moment, at the
+/// worst place, gets lost rather than relocalised in the other room.
 #[test]
 fn equal_rooms_are_not_taken_for_each_other() {
     let simulator = simulator("equal_rooms", 824);
@@ -208,7 +207,6 @@ fn equal_rooms_are_not_taken_for_each_other() {
     run.tell();
     let closed = |l: &&LoopReport| l.outcome == LoopOutcome::Closed;
     assert_eq!(run.system.loops().iter().filter(closed).count(), 0);
-    // It was tempted.
     assert!(
         run.system
             .loops()
@@ -229,7 +227,7 @@ fn equal_rooms_are_not_taken_for_each_other() {
 #[test]
 fn a_new_submap_is_begun_elsewhere_and_joined_when_the_camera_comes_back() {
     let simulator = simulator("loop_two_rooms", 230);
-    // The lens is covered, uncovered where nothing is known, and the camera goes back to where it was.
+    // The lens is covered, uncovered in an unknown place, and the camera returns.
     let covered = Play::frames((0..60).step_by(2)).covered(5);
     let play = covered.clone().then((40..230).rev().step_by(2));
     let mut config = Config::default();
@@ -242,11 +240,10 @@ fn a_new_submap_is_begun_elsewhere_and_joined_when_the_camera_comes_back() {
     assert_eq!(joined.len(), 1);
     assert_eq!(run.system.view().submaps().len(), 1);
     run.hold("sim:loop_two_rooms in two submaps", &simulator, &play);
-    // The same twice.
     let again = self::run(&simulator, &config, &play);
     let bits = |run: &Run| format!("{:?}", run.poses(&simulator, &play, SubmapId(0)));
     assert!(bits(&run) == bits(&again), "two runs differ");
-    // Control: without the way back there are two submaps, and nothing says how they lie to each other.
+    // Control: without the return there are two submaps with unknown relative pose.
     let play = covered.then((190..230).rev().step_by(2));
     let apart = self::run(&simulator, &config, &play);
     assert_eq!(apart.system.view().submaps().len(), 2);
@@ -273,7 +270,7 @@ fn a_map_that_is_only_read_gives_poses_and_does_not_grow() {
     let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
     assert_eq!(loaded.reports.iter().filter(lost).count(), 0);
     assert!(loaded.reports.iter().all(|r| !r.is_keyframe));
-    // In the map's own frame of reference: nothing is aligned.
+    // In the map's frame of reference, without alignment.
     let truth = simulator.ground_truth();
     let worst = loaded.reports.iter().zip(60..).map(|(r, k): (_, usize)| {
         let pose: Se3 = truth[0].1.inverse() * truth[k].1;
@@ -282,10 +279,10 @@ fn a_map_that_is_only_read_gives_poses_and_does_not_grow() {
     let found = Figures::all_posed(1e3 * worst.fold(0.0, f64::max), 60);
     let sequence = "sim:xyz 60 frames in a map: largest error";
     ate::hold(sequence, "none", "default", found);
-    // Never having been saved gives the same poses.
+    // A map that was never saved gives the same poses.
     let kept = localize(made.system.into_map());
     assert!(bits(&loaded) == bits(&kept), "saving changed the poses");
-    // The map is as it was, but for the number of its version.
+    // The map is unchanged except for its version.
     assert_eq!(
         kept.system.view().keyframe_count(),
         loaded.system.view().keyframe_count()
@@ -317,16 +314,15 @@ fn a_map_is_resumed() {
     run.hold("sim:loop_two_rooms resumed", &simulator, &play);
 }
 
-/// It takes long because a map reaches a limit of 50 keyframes only after some hundred frames, and there is a run without the limit too.
+/// Slow: a map reaches 50 keyframes only after some hundred frames, and there is a run without the limit too.
 #[test]
 fn a_map_with_a_limit_stays_useful() {
     let simulator = simulator("loop_two_rooms", 420);
-    // There and back again.
     let play = Play::frames((0..420).step_by(3)).then((0..420).rev().step_by(3));
     let walk = |max_keyframes: usize| {
         let mut config = Config::default();
         config.mapping.max_keyframes = max_keyframes;
-        // Redundant keyframes would go anyway, and views are to differ by little.
+        // Without culling of redundant keyframes, and with small view angles, the limit is reached.
         config.mapping.redundant_share = 1.0;
         config.keyframes.max_view_angle = 0.05;
         run(&simulator, &config, &play)
@@ -342,7 +338,7 @@ fn a_map_with_a_limit_stays_useful() {
     assert_eq!(bound.system.map().check(), Ok(()));
     let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
     assert_eq!(bound.reports.iter().filter(lost).count(), 0);
-    // Every frame has a pose, also those of keyframes that are gone.
+    // Every frame has a pose, also those of culled keyframes.
     let [poses, _] = bound.poses(&simulator, &play, SubmapId(0));
     assert_eq!(poses.len(), play.0.len());
     for (run, what) in [(&free, "no limit"), (&bound, "50 keyframes")] {
@@ -382,7 +378,7 @@ fn two_maps_become_one_where_they_overlap() {
     let sequence = "sim:loop_two_rooms as two maps of 90 frames: largest error";
     let found = Figures::all_posed(1e3 * worst, 90);
     ate::hold(sequence, "none", "default", found);
-    // And so is the world of the second, which its first frame began.
+    // Likewise the world of the second map, which starts at its first frame.
     let real = truth[0].1.inverse() * truth[20].1;
     let placed = joined.placed.map(|p| p.unwrap());
     for found in [
@@ -393,7 +389,7 @@ fn two_maps_become_one_where_they_overlap() {
         assert!(off < 0.03 && real.log().norm() > 0.1, "{off}");
     }
     assert!(placed.iter().all(|p| p.bent < 0.05), "{placed:?}");
-    // Control: maps of places that have nothing in common stay apart.
+    // Control: maps of disjoint places stay separate.
     let apart = join_maps(&Config::default(), map(0..30), &map(100..130)).unwrap();
     assert_eq!(apart.submaps, [2, 2]);
     assert_eq!((apart.first_from_second(), apart.placed[1]), (None, None));

@@ -1,4 +1,4 @@
-//! The same on recordings, where they are there.
+//! Relocalisation on recordings, if available.
 
 use stillpoint_datasets::{Clip, Dataset, FrameOptions, OpenOptions, Part, Splice, StampedPose};
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
@@ -7,7 +7,6 @@ use stillpoint_map::Map;
 use stillpoint_slam::{Config, Event, FrameReport, MapUse, Outcome, System};
 use stillpoint_testdata::ate::{self, Figures};
 
-/// A recording, where it is there.
 fn recording(name: &str) -> Option<Dataset> {
     let folder = stillpoint_testdata::recording(name)?;
     Some(Dataset::open(&folder, &OpenOptions::default()).unwrap())
@@ -38,7 +37,7 @@ fn play(mut system: System, source: &mut impl FrameSource) -> (System, Vec<Frame
     (system, reports)
 }
 
-/// Holds the ATE of final poses after alignment against the table of errors. Other seeds than 0 are to be near it.
+/// Compares the ATE of final poses after alignment with the table of errors. Other seeds than 0 must be near it.
 #[track_caller]
 fn hold(sequence: &str, seed: u64, system: &System, frames: usize, truth: &[StampedPose]) {
     let found = Figures {
@@ -54,7 +53,6 @@ fn hold(sequence: &str, seed: u64, system: &System, frames: usize, truth: &[Stam
     assert!(found.error_mm < 1.4 * expected, "seed {seed}: {found:?}");
 }
 
-/// ATE (mm) of final poses after alignment.
 fn ate_mm(system: &System, truth: &[StampedPose]) -> f64 {
     let view = system.view();
     let resolved = system.trajectory().resolve(&view);
@@ -81,7 +79,6 @@ fn a_kidnapped_camera_is_found_within_a_second() {
     kidnap(0);
 }
 
-/// That the figures do not hang on one seed.
 #[test]
 #[ignore = "four minutes"]
 fn other_seeds_are_within_the_same_bounds() {
@@ -132,7 +129,7 @@ fn kidnap(seed: u64) {
     hold(sequence, seed, &system, reports.len(), &truth);
 }
 
-/// People walk through a room whose map was made without them.
+/// People walk through a room mapped without them.
 #[test]
 fn a_map_serves_when_people_walk_there() {
     walk_in_map(0);
@@ -143,7 +140,7 @@ fn walk_in_map(seed: u64) {
         return;
     };
     let (made, _) = play(system(&still, seed), &mut frames(&still));
-    // A Kinect's shutter is read out in so many seconds, and nobody said so.
+    // A Kinect's readout time, which is not configured.
     let readout = made.timing().readout;
     assert!((0.012..0.035).contains(&readout), "{readout} s");
     let bytes = made.map().to_bytes(&[]).unwrap();

@@ -1,4 +1,4 @@
-//! Maps that begin among people: who moves is undecided, and what rode on somebody is corrected.
+//! Maps that begin among people: the motion is undecided, and poses that followed a person are corrected.
 
 use super::world::{Recording, Run, with};
 use std::sync::LazyLock;
@@ -14,7 +14,7 @@ fn run(recording: &Recording, preset: Preset) -> Run {
     recording.drive(system.with_log())
 }
 
-/// The first frames, 80 at most, of a turn among people who walk close before the camera from its first frame on.
+/// The first frames, at most 80, of a rotation among people who walk close to the camera from the first frame on.
 fn crowd(frames: usize) -> Recording {
     static CROWD: LazyLock<Recording> = LazyLock::new(|| {
         let config = SimulatorConfig {
@@ -33,13 +33,13 @@ fn crowd(frames: usize) -> Recording {
     }
 }
 
-/// The largest error of a pose after alignment, mm.
+/// Maximum pose error after alignment, mm.
 fn worst_mm(recording: &Recording, poses: &[TimedPose]) -> f64 {
     let score = evaluate(&recording.truth, poses, &EvalOptions::default()).unwrap();
     1e3 * score.ate.statistics.max
 }
 
-/// Holds the largest error after the first frames of the crowd against the table of errors.
+/// Compares the maximum error after the first frames of the crowd with the table of errors.
 #[track_caller]
 fn hold_worst(frames: usize, worst_mm: f64, run: &Run) {
     let sequence = format!("sim:crowd_rpy_60 with seed 5 {frames} frames: largest error");
@@ -51,7 +51,7 @@ fn hold_worst(frames: usize, worst_mm: f64, run: &Run) {
     ate::hold(&sequence, "none", "default", found);
 }
 
-/// The poses as they were known at each frame.
+/// The poses as reported at each frame.
 fn online(run: &Run) -> Vec<TimedPose> {
     let pose = |r: &FrameReport| {
         Some(TimedPose {
@@ -77,7 +77,7 @@ fn nothing_is_undecided_for_long_where_nothing_moves() {
     }
 }
 
-/// For half a second the camera's pose rides on people.
+/// For half a second the camera's pose follows people.
 #[test]
 fn a_beginning_that_rode_on_somebody_is_posed_again() {
     let recording = crowd(80);
@@ -89,7 +89,7 @@ fn a_beginning_that_rode_on_somebody_is_posed_again() {
     let undecided = run.reports.iter().filter(|r| r.undecided.is_some()).count();
     println!("{then:.0} mm at each frame, {now:.0} mm in the end, {undecided} undecided");
     hold_worst(80, now, &run);
-    // Control: what was known at each frame.
+    // Control: the poses reported at each frame.
     assert!(then > 50.0 && now < 20.0, "{then} mm, {now} mm");
     assert!((30..45).contains(&undecided), "{undecided}");
     let [revoked] = &*run.revoked else {
@@ -100,7 +100,7 @@ fn a_beginning_that_rode_on_somebody_is_posed_again() {
     let first = view.keyframes().map(|k| k.id).min();
     assert!(first > Some(revoked.last), "{first:?}");
     assert_eq!(run.system.map().check(), Ok(()));
-    // Every frame has a pose, each once and in order, and a replay finds the same ones.
+    // Every frame has exactly one pose, in order, and a replay gives the same poses.
     let entries = run.system.trajectory().entries();
     assert_eq!(entries.len(), 80);
     assert!(entries.windows(2).all(|e| e[0].frame < e[1].frame));
@@ -112,7 +112,8 @@ fn a_beginning_that_rode_on_somebody_is_posed_again() {
         .unwrap();
 }
 
-/// Where the stream ends before the beginning was tracked again, that is done then: at 1.5 s the way back has not begun, at 2 s it is on the way.
+/// If the stream ends before the beginning is tracked again, this is done at the end: at 1.5 s the backward tracking
+/// has not begun, at 2 s it is in progress.
 #[test]
 fn a_beginning_is_posed_again_where_the_stream_ends_on_the_way() {
     for frames in [60, 45] {
@@ -133,12 +134,12 @@ fn a_beginning_is_posed_again_where_the_stream_ends_on_the_way() {
         let now = worst_mm(&recording, &run.poses());
         println!("{frames} frames: {then:.0} mm before the end, {now:.0} mm after it");
         hold_worst(frames, now, &run);
-        // Control: what there is before the end of the stream.
+        // Control: the poses before the end of the stream.
         assert!(then > 50.0 && now < 20.0, "{then} mm, {now} mm");
         assert_eq!(run.system.trajectory().entries().len(), frames);
         assert_eq!(run.revoked.len(), 1);
         assert_eq!(run.system.map().check(), Ok(()));
-        // The end is in the log once, and a replay finds the same poses.
+        // The end is logged once, and a replay gives the same poses.
         let log = run.system.log().unwrap();
         let ends = log.entries.iter().filter(|e| **e == LogEntry::TrackEnd);
         assert_eq!(ends.count(), 1);
@@ -150,7 +151,6 @@ fn a_beginning_is_posed_again_where_the_stream_ends_on_the_way() {
     }
 }
 
-/// The frames of a recording once more.
 struct Frames<'a>(std::slice::Iter<'a, RgbdFrame>);
 
 impl FrameSource for Frames<'_> {

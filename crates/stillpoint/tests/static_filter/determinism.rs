@@ -1,10 +1,10 @@
-//! The same frames and detections give the same bytes, whatever the processor.
+//! The same frames and detections give the same bytes on any processor.
 
 use super::world::{Recording, Run, with};
 use stillpoint_imaging::Simd;
 use stillpoint_slam::{Preset, System};
 
-/// All that a run says of verdicts, objects and poses, to the last bit.
+/// All bits of a run's verdicts, objects and poses.
 fn bytes(run: &Run) -> Vec<u64> {
     let mut out = Vec::new();
     for report in &run.reports {
@@ -43,7 +43,7 @@ fn the_same_bytes_twice_and_without_simd() {
     ];
     let runs = cases.map(|(preset, delay)| {
         let first = run(Simd::detect(), preset, delay);
-        // There is something to differ in: people who are rejected.
+        // The runs are not trivial: people are rejected.
         let rejected = first.reports.iter().map(|r| r.counts.dynamic).sum::<u32>();
         assert!(rejected > 500, "{preset:?}: {rejected}");
         let first = bytes(&first);
@@ -51,7 +51,7 @@ fn the_same_bytes_twice_and_without_simd() {
         assert!(first == bytes(&run(Simd::Scalar, preset, delay)));
         first
     });
-    // Control: late detections are not the same run.
+    // Control: late detections change the run.
     let [now, late, _] = runs;
     assert!(now != late);
 }

@@ -1,4 +1,4 @@
-//! Detections that come late: propagated forward to the present, and back to the keyframe that they are about.
+//! Late detections: propagated forward to the present, and back to their keyframe.
 
 use super::world::{Recording, Run, shows_mover, with};
 use std::sync::LazyLock;
@@ -15,15 +15,15 @@ fn late(frames: u32) -> Config {
 /// People walk in, cross close in front of the camera and fill half of the image.
 static CROSSING: LazyLock<Recording> =
     LazyLock::new(|| Recording::simulated("walking_xyz", 20..110, 0.3));
-/// What the table of errors calls it.
+/// Its name in the table of errors.
 const SEQUENCE: &str = "sim:walking_xyz frames 20 to 110";
-/// ATE of it without the filter, mm.
+/// Its ATE without the filter, mm.
 static OFF: LazyLock<f64> = LazyLock::new(|| {
     let run = CROSSING.run(with(Preset::Off));
     CROSSING.ate_mm(&run)
 });
 
-/// Of the keypoints on people that were rejected, the share that was found on an object.
+/// Share of rejected keypoints on people that were attributed to an object.
 fn named(recording: &Recording, run: &Run) -> f64 {
     let (mut dynamic, mut named) = (0_usize, 0_usize);
     for (mask, report) in recording.masks.iter().zip(&run.reports) {
@@ -50,7 +50,7 @@ fn late_detections_are_propagated_forward() {
         assert!(*OFF > 10.0 * error, "off: {} mm", *OFF);
         assert!(named > least, "{delay} frames late: {named} on objects");
     }
-    // Control: nobody names objects that no detector saw.
+    // Control: without a detector there are no objects.
     let alone = recording.run(with(Preset::Default));
     assert!(named(recording, &alone).abs() < f64::EPSILON);
 }
@@ -70,7 +70,7 @@ fn a_detector_that_looks_at_every_fifth_frame_is_enough() {
     assert!(*OFF > 10.0 * error, "off: {} mm", *OFF);
 }
 
-/// Answers that were too late, and those about frames without a pose.
+/// Numbers of detections that were too late, and of those for frames without a pose.
 fn unused(run: &Run) -> (u32, u32) {
     let counts = run.reports.iter().map(|r| &r.counts);
     counts.fold((0, 0), |(late, lost), c| {
@@ -83,12 +83,12 @@ fn unused(run: &Run) -> (u32, u32) {
 
 #[test]
 fn detections_that_cannot_be_used_are_counted() {
-    // The history is 3.2 s long, 96 frames: of 104 frames the answers to the first four come 100 frames late.
+    // The history is 3.2 s long, 96 frames: of 104 frames the answers to the first four arrive 100 frames late.
     let mut recording = Recording::simulated("walking_static", 20..124, 0.3);
     assert_eq!(unused(&recording.run_detected(late(90))), (0, 0));
     let run = recording.run_detected(late(100));
     assert_eq!((run.lost(), unused(&run)), (0, (4, 0)));
-    // Ten frames with a hand before the lens.
+    // Ten frames with a covered lens.
     for frame in &mut recording.frames[30..40] {
         let (width, height) = (frame.gray.width(), frame.gray.height());
         frame.gray = GrayImage::new(width, height);
@@ -101,7 +101,7 @@ fn detections_that_cannot_be_used_are_counted() {
     }
 }
 
-/// How many landmarks keyframe 0 observes on people, and elsewhere.
+/// Number of landmarks observed by keyframe 0 on people, and elsewhere.
 fn landmarks_of_first(recording: &Recording, run: &Run) -> (usize, usize) {
     let view = run.system.view();
     let keyframe = view.keyframe(KeyframeId(0)).unwrap();
@@ -119,7 +119,7 @@ fn landmarks_of_first(recording: &Recording, run: &Run) -> (usize, usize) {
 
 #[test]
 fn the_first_keyframe_is_judged_again() {
-    // Somebody is in the view from the first frame on: nothing but a detector can know then. None is missed.
+    // A person is visible from the first frame on: only a detector can tell. No person is missed.
     let recording = Recording::simulated("walking_static", 78..84, 0.0);
     let without = recording.run(with(Preset::Default));
     let (before, _) = landmarks_of_first(&recording, &without);
@@ -136,7 +136,7 @@ fn the_first_keyframe_is_judged_again() {
     assert!(rest > 100);
     assert_eq!(run.lost(), 0);
 
-    // Detections in time leave nothing to judge again.
+    // With detections in time there is nothing to judge again.
     let run = recording.run_detected(late(0));
     assert!(run.rejudged.is_empty());
     let (people, _) = landmarks_of_first(&recording, &run);

@@ -1,6 +1,6 @@
-//! The static filter in the whole system: rooms with people in them, and real recordings.
+//! The static filter in the whole system: simulated rooms with people, and real recordings.
 
-#![allow(clippy::print_stdout)] // `--nocapture` shows what was measured beside each bound.
+#![allow(clippy::print_stdout)] // `--nocapture` shows the measurements.
 
 mod beginnings;
 mod determinism;

@@ -1,10 +1,11 @@
-//! The same seconds at several frame rates: a person who walks before a simulated camera at 15, 30 and 60 Hz, recordings at 15 Hz.
+//! The same seconds at several frame rates: a walking person before a simulated camera at 15, 30 and 60 Hz, recordings
+//! at 15 Hz.
 
 use super::world::{Recording, with};
 use stillpoint_simulator::SimulatorConfig;
 use stillpoint_slam::Preset;
 
-/// Rendered once at the fastest rate: the slower ones leave frames out.
+/// Rendered once at the highest rate; lower rates skip frames.
 #[test]
 fn walking_people_are_tracked_past_at_any_frame_rate() {
     let config = SimulatorConfig {
@@ -32,7 +33,7 @@ fn walking_people_are_tracked_past_at_any_frame_rate() {
     }
 }
 
-/// Every second frame of what a Kinect recorded at 30 Hz.
+/// Every second frame of a Kinect at 30 Hz.
 #[test]
 fn recordings_are_tracked_at_half_their_frame_rate() {
     for name in ["fr1_xyz", "fr1_xyz_walkers"] {

@@ -1,11 +1,11 @@
-//! Real recordings, where they are.
+//! The static filter on real recordings, if available.
 
 use super::world::{Recording, with};
 use stillpoint_detection::{BoundingBox, ClassId, Detection, ScriptRow};
 use stillpoint_imaging::FrameId;
 use stillpoint_slam::Preset;
 
-/// Boxes of the people in a recording, from its file `boxes.csv`: `timestamp,walker,x0,y0,x1,y1,visible_px`.
+/// Boxes of people from a recording's `boxes.csv`: `timestamp,walker,x0,y0,x1,y1,visible_px`.
 fn boxes(name: &str) -> Vec<ScriptRow> {
     let text = std::fs::read_to_string(stillpoint_testdata::folder().join(name).join("boxes.csv"))
         .unwrap();
@@ -28,7 +28,8 @@ fn boxes(name: &str) -> Vec<ScriptRow> {
     text.lines().skip(1).map(row).collect()
 }
 
-/// Runs with true boxes: also of the method as published, whose runs without a detector say little. A part of the frames tells whether it breaks.
+/// Runs with true boxes, also of the published method, which needs a detector. Part of the frames suffices to detect
+/// failures.
 #[test]
 fn people_before_a_desk_and_in_fast_turns_with_true_boxes() {
     for (name, part) in [("fr1_xyz_walkers", 150), ("fr1_rpy_walkers", 120)] {
@@ -48,8 +49,8 @@ fn people_before_a_desk_and_in_fast_turns_with_true_boxes() {
     }
 }
 
-/// People fill the image for a second, few keypoints are wanted, and the map comes late: what drifts meanwhile is undone. With the map
-/// not looked for again the error is 84 to 94 mm (docs/decisions/0018).
+/// People fill the image for a second, with few keypoints and a late map: the drift meanwhile is undone. Without
+/// searching for the map again the error is 84 to 94 mm (docs/decisions/0018).
 #[test]
 fn what_drifted_among_people_is_undone() {
     let Some(recording) = Recording::real("fr1_xyz_walkers") else {
@@ -64,8 +65,9 @@ fn what_drifted_among_people_is_undone() {
     assert_eq!(run.lost(), 0);
 }
 
-/// People come in while the camera turns at 90 to 180 deg/s into an unseen part of the room. A shift and a part of a degree look alike, and the camera's
-/// momentum decides between both. Errors with it are 10 to 37 mm, depending on the seed (docs/decisions/0044).
+/// People enter while the camera turns at 90 to 180 deg/s into an unseen part of the room. A translation and a small
+/// rotation are ambiguous, and the camera's momentum decides. Errors with it are 10 to 37 mm, depending on the seed
+/// (docs/decisions/0044).
 #[test]
 fn a_fast_turn_towards_people_is_held_by_the_momentum() {
     let Some(mut recording) = Recording::real("fr1_rpy_walkers") else {

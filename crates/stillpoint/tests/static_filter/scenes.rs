@@ -1,23 +1,23 @@
-//! Every simulated scene with people against the table of errors, and against the system without the filter.
+//! Every simulated scene with people, compared with the table of errors and with the system without the filter.
 //!
-//! Each test takes some ten seconds: it renders 150 frames, in which people come, cross and go, and tracks them three times, one of them five times.
+//! Each test takes some ten seconds: it renders 150 frames, with people who enter, cross and leave, and tracks them
+//! three times, one of them five times.
 
 use super::world::{Recording, Run, Shares, with};
 use stillpoint_slam::Preset;
 
 const FRAMES: usize = 150;
-/// The detector that misses a share of 0.3.
+/// Name of the detector that misses a share of 0.3.
 const DETECTOR: &str = "scripted with 30 % missed";
 
-/// What is asked of a scene.
 struct Bounds {
-    /// Share of keypoints on what moves that is rejected. Corners in holes of the depth image are on nobody for sure.
+    /// Minimum share of keypoints on moving objects that is rejected. Corners in holes of the depth image cannot be
+    /// attributed.
     recall: f64,
-    /// Share of keypoints on what stands still that is kept.
+    /// Minimum share of static keypoints that is kept.
     kept: f64,
 }
 
-/// The name of a run in the table of errors.
 fn sequence(scene: &str) -> String {
     format!("sim:{scene} {FRAMES} frames")
 }
@@ -31,7 +31,7 @@ fn check(scene: &str, name: &str, recording: &Recording, run: &Run) -> (f64, Sha
     (error, shares)
 }
 
-/// The final trajectory is nowhere worse than the poses that it is of, and jitters less.
+/// The smoothed trajectory is not less accurate than its input, and has less jitter.
 fn smoothing_helps(scene: &str, name: &str, recording: &Recording, run: &Run) {
     let [ate, steps] = recording.errors(&run.poses());
     let [smoothed_ate, smoothed_steps] = recording.errors(&run.smoothed());
@@ -57,7 +57,7 @@ fn held(scene: &str, recording: &Recording, bounds: &Bounds) -> f64 {
     errors[0].max(errors[1])
 }
 
-/// Control: without the filter the people carry the camera away.
+/// Control: without the filter the trajectory follows the people.
 fn carried_away(sequence: &str, recording: &Recording, error: f64) {
     let off = recording.run(with(Preset::Off));
     let off = recording.hold(sequence, "none", Preset::Off, &off);
@@ -74,7 +74,7 @@ fn holds(scene: &str, bounds: &Bounds) -> Recording {
     recording
 }
 
-/// The method as published needs a detector.
+/// The published method needs a detector.
 fn as_published(scene: &str, recording: &Recording) {
     for preset in [Preset::Paper, Preset::Adapted] {
         let run = recording.run_detected(with(preset));
@@ -82,7 +82,7 @@ fn as_published(scene: &str, recording: &Recording) {
     }
 }
 
-/// Shares a little below what was measured.
+/// Bounds slightly below the measured values.
 fn bounds(recall: f64, kept: f64) -> Bounds {
     Bounds { recall, kept }
 }
@@ -110,7 +110,7 @@ fn walking_halfsphere_is_tracked_past_walking_people() {
     held(scene, &recording, &bounds(0.79, 0.89));
     let off = recording.run(with(Preset::Off));
     recording.hold(&sequence(scene), "none", Preset::Off, &off);
-    // In the first half people pass too briefly to carry an unfiltered camera away; in the second they do.
+    // In the first half people pass too briefly to disturb the system without the filter; in the second they do.
     let later = Recording::simulated(scene, 148..148 + FRAMES, 0.0);
     let sequence = format!("{} from 148", sequence(scene));
     let run = later.run(with(Preset::Default));
@@ -129,7 +129,7 @@ fn people_who_sit_cost_nothing() {
     let recording = Recording::simulated(scene, 0..FRAMES, 0.3);
     let off = recording.run(with(Preset::Off));
     let off = recording.hold(&sequence(scene), "none", Preset::Off, &off);
-    // What the same scene differs by from seed to seed is more than this tolerance.
+    // The variation between seeds is larger than this tolerance.
     let limit = 1.1 * off + 0.1;
     for (name, run) in [
         ("none", recording.run(with(Preset::Default))),

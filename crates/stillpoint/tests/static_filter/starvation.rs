@@ -1,4 +1,4 @@
-//! Losing track is worse than a few bad points: what happens when little is left that stands still.
+//! Few static features: losing track is worse than keeping some bad points.
 
 use super::world::{Recording, with};
 use stillpoint_detection::{BoundingBox, ClassId, Detection, ScriptRow};
@@ -7,7 +7,7 @@ use stillpoint_slam::Preset;
 
 #[test]
 fn people_who_fill_the_view_lose_no_frame() {
-    // A longer lens: at their closest the people are almost three quarters of the image.
+    // A longer lens: at their closest the people fill almost three quarters of the image.
     let camera = Camera::pinhole(640, 480, [750.0, 750.0, 319.5, 239.5]);
     let recording = Recording::with_camera("walking_xyz", 30..90, 0.3, camera);
     let cover = recording.covers().fold(0.0, f64::max);
@@ -67,7 +67,7 @@ fn the_guard_releases_as_many_as_it_says() {
         let counts = &report.counts;
         let dynamic = report.verdicts.iter().filter(|v| v.dynamic).count();
         assert_eq!(counts.dynamic as usize, dynamic);
-        // At least as many as asked for are left, and it stops there.
+        // Released features stop exactly at the requested number.
         let left = counts.keypoints as usize - dynamic;
         if counts.released > 0 {
             assert!(left == 1000.min(counts.keypoints as usize), "{counts:?}");

@@ -1,4 +1,4 @@
-//! Recordings with moving people, and what becomes of them in the system.
+//! Recordings with moving people, and results of the system.
 
 use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions, ReadAhead};
 use stillpoint_detection::{BoundingBox, ClassId, Detection, ScriptRow, ScriptedDetector};
@@ -12,18 +12,17 @@ use stillpoint_slam::{
 };
 use stillpoint_testdata::ate::{self, Figures};
 
-/// A recording whose frames are rendered once, for several runs over them.
+/// A recording rendered once for several runs.
 pub(crate) struct Recording {
     pub(crate) camera: Camera,
     pub(crate) frames: Vec<RgbdFrame>,
     pub(crate) truth: Vec<TimedPose>,
-    /// What each pixel of a frame shows: 0 for what stands still. Empty where there are no masks.
+    /// Per pixel the object shown, 0 for the static scene. Empty without masks.
     pub(crate) masks: Vec<GrayImage>,
-    /// What the detector says of it; empty where there is none.
+    /// Detections; may be empty.
     pub(crate) script: Vec<ScriptRow>,
 }
 
-/// What the system said of a recording.
 pub(crate) struct Run {
     pub(crate) system: System,
     pub(crate) reports: Vec<FrameReport>,
@@ -31,14 +30,13 @@ pub(crate) struct Run {
     pub(crate) revoked: Vec<RevokeReport>,
 }
 
-/// Of all keypoints.
+/// Agreement of verdicts with the masks, over all keypoints.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shares {
-    /// Of those on what moves, the share that was rejected.
+    /// Share of keypoints on moving objects that was rejected.
     pub(crate) recall: f64,
-    /// Of those on what stands still, the share that was kept.
+    /// Share of static keypoints that was kept.
     pub(crate) kept: f64,
-    /// How many were on what moves.
     pub(crate) moving: usize,
 }
 
@@ -49,7 +47,6 @@ impl Recording {
         Self::with_camera(scene, range, drop, camera)
     }
 
-    /// The same with another camera.
     pub(crate) fn with_camera(
         scene: &str,
         range: std::ops::Range<usize>,
@@ -64,7 +61,6 @@ impl Recording {
         Self::made(config, range, drop)
     }
 
-    /// The frames `range` of what is configured.
     pub(crate) fn made(config: SimulatorConfig, range: std::ops::Range<usize>, drop: f64) -> Self {
         let simulator = Simulator::new(&SimulatorConfig {
             frames: Some(range.end),
@@ -92,7 +88,7 @@ impl Recording {
                     },
                 },
             });
-        // Whatever part of the scene it is, to the system it is the first.
+        // Frames are renumbered from 0.
         let frame = |i| RgbdFrame {
             id: FrameId((i - range.start) as u32),
             ..simulator.frame(i)
@@ -113,7 +109,7 @@ impl Recording {
         }
     }
 
-    /// Every `n`-th frame, as a camera that is so much slower records it. Detections of the others are left out by their stamps.
+    /// Every `n`-th frame, as from a slower camera. Detections of the others are ignored by their stamps.
     pub(crate) fn every(&self, n: usize) -> Self {
         let frames = self.frames.iter().step_by(n).enumerate();
         let frames = frames.map(|(i, frame)| RgbdFrame {
@@ -129,7 +125,7 @@ impl Recording {
         }
     }
 
-    /// A recording, where it is there.
+    /// A real recording, if available.
     pub(crate) fn real(name: &str) -> Option<Self> {
         let path = stillpoint_testdata::recording(name)?;
         let dataset = Dataset::open(&path, &OpenOptions::default()).unwrap();
@@ -156,7 +152,7 @@ impl Recording {
         })
     }
 
-    /// Per frame, the share of the image that shows what moves.
+    /// Per frame, the share of the image that shows moving objects.
     pub(crate) fn covers(&self) -> impl Iterator<Item = f64> {
         let share = |mask: &GrayImage| {
             let moving = mask.data().iter().filter(|v| **v > 0).count();
@@ -165,23 +161,19 @@ impl Recording {
         self.masks.iter().map(share)
     }
 
-    /// The detector that plays the script.
     pub(crate) fn detector(&self) -> ScriptedDetector {
         ScriptedDetector::new("the simulator's", self.script.clone()).unwrap()
     }
 
-    /// Runs the system without a detector.
     pub(crate) fn run(&self, config: Config) -> Run {
         self.drive(System::new(config, self.camera, Simd::detect()).unwrap())
     }
 
-    /// Runs the system with the script.
     pub(crate) fn run_detected(&self, config: Config) -> Run {
         let system = System::new(config, self.camera, Simd::detect()).unwrap();
         self.drive(system.with_detector(Box::new(self.detector())))
     }
 
-    /// Runs a system to the end.
     pub(crate) fn drive(&self, mut system: System) -> Run {
         let (mut reports, mut rejudged, mut revoked) = (Vec::new(), Vec::new(), Vec::new());
         let mut take = |events: Vec<Event>| {
@@ -212,7 +204,7 @@ impl Recording {
         score.ate.statistics.rmse * 1e3
     }
 
-    /// Holds a run against the table of errors; returns its ATE RMSE, mm.
+    /// Compares a run with the table of errors; returns its ATE RMSE, mm.
     #[track_caller]
     pub(crate) fn hold(&self, sequence: &str, detector: &str, preset: Preset, run: &Run) -> f64 {
         let error_mm = self.ate_mm(run);
@@ -226,7 +218,7 @@ impl Recording {
         error_mm
     }
 
-    /// Of poses: ATE RMSE, mm, and RMSE of the motions from one to the next, mm.
+    /// ATE RMSE and RMSE of the motions between consecutive poses, mm.
     pub(crate) fn errors(&self, poses: &[TimedPose]) -> [f64; 2] {
         let options = EvalOptions {
             delta: Delta::Frames(1),
@@ -237,7 +229,6 @@ impl Recording {
         [score.ate.statistics.rmse, steps].map(|e| e * 1e3)
     }
 
-    /// How well the verdicts agree with the masks.
     pub(crate) fn shares(&self, run: &Run) -> Shares {
         let (mut caught, mut moving, mut kept, mut still) = (0_usize, 0_usize, 0_usize, 0_usize);
         for (mask, report) in self.masks.iter().zip(&run.reports) {
@@ -260,18 +251,17 @@ impl Recording {
 }
 
 impl Run {
-    /// The trajectory as the map's last version has it.
+    /// The trajectory in the map's last version.
     pub(crate) fn poses(&self) -> Vec<TimedPose> {
         let view = self.system.view();
         timed(self.system.trajectory().resolve(&view))
     }
 
-    /// The final trajectory, smoothed.
     pub(crate) fn smoothed(&self) -> Vec<TimedPose> {
         timed(self.system.corrected_trajectory().into_iter())
     }
 
-    /// How many frames have no pose of their own.
+    /// Number of lost frames.
     pub(crate) fn lost(&self) -> usize {
         let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
         self.reports.iter().filter(lost).count()
@@ -286,7 +276,7 @@ fn timed(poses: impl Iterator<Item = (TrajectoryEntry, Se3)>) -> Vec<TimedPose> 
     poses.map(timed).collect()
 }
 
-/// Whether the pixel of a keypoint shows something that moves.
+/// Whether the pixel of a keypoint shows a moving object.
 pub(crate) fn shows_mover(mask: &GrayImage, verdict: &FeatureVerdict) -> bool {
     let [u, v] = verdict.pixel.map(|x| x.round() as usize);
     u < mask.width() && v < mask.height() && mask.at(u, v) > 0

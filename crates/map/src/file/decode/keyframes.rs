@@ -10,12 +10,12 @@ use std::sync::Arc;
 use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Se3};
 
-/// What is stored of each live keyframe as a whole.
+/// Stored attributes of a live keyframe.
 pub(super) struct Record {
     id: KeyframeId,
     parent: Option<KeyframeId>,
     pub(super) camera: Camera,
-    /// Where a grid has its cells, px.
+    /// Bounds of the feature grid, px.
     bounds: [f32; 4],
     features: usize,
     stamp: f64,
@@ -70,7 +70,6 @@ pub(super) fn records(
     Ok(records)
 }
 
-/// The keyframes, not yet covisible.
 pub(super) fn keyframes(
     source: &Source<'_>,
     records: Vec<Record>,
@@ -94,7 +93,6 @@ pub(super) fn keyframes(
     Ok(records.into_iter().map(keyframe).collect())
 }
 
-/// The features of all keyframes, one after another.
 struct Columns {
     keypoints: Vec<Keypoint>,
     positions: Vec<[f32; 2]>,
@@ -186,7 +184,6 @@ fn matches(bytes: &[u8], count: usize) -> Result<Matches, MapFileError> {
     ))
 }
 
-/// Gives both of each pair the other.
 pub(super) fn covisibility(
     source: &Source<'_>,
     counts: &Counts,

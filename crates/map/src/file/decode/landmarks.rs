@@ -1,4 +1,4 @@
-//! Landmarks and who observes them.
+//! Landmarks and their observations.
 
 use super::super::MapFileError;
 use super::super::sections::{CULLED, Counts, NONE, Part};
@@ -6,7 +6,7 @@ use super::{Source, descriptors, reader};
 use crate::{Keyframe, KeyframeId, Landmark, ScaleRange};
 use stillpoint_geometry::Vec3;
 
-/// For each landmark [`NONE`] when it is live, [`CULLED`], or which it was merged into.
+/// Per landmark: [`NONE`] when live, [`CULLED`], or the landmark it was merged into.
 pub(super) fn slots(source: &Source<'_>, counts: &Counts) -> Result<Vec<u32>, MapFileError> {
     let bytes = source.bytes(Part::LandmarkSlots)?;
     let mut from = reader(Part::LandmarkSlots, &bytes);
@@ -30,7 +30,7 @@ pub(super) fn slots(source: &Source<'_>, counts: &Counts) -> Result<Vec<u32>, Ma
     Ok(slots)
 }
 
-/// The live landmarks, in the order of their ids. Their observers are counted later.
+/// The live landmarks, by id, without counts of observers.
 pub(super) fn landmarks(source: &Source<'_>, count: usize) -> Result<Vec<Landmark>, MapFileError> {
     let bytes = source.bytes(Part::Landmarks)?;
     let mut from = reader(Part::Landmarks, &bytes);
@@ -73,7 +73,7 @@ pub(super) fn landmarks(source: &Source<'_>, count: usize) -> Result<Vec<Landmar
 
 pub(super) type Observations = Vec<Vec<(KeyframeId, u32)>>;
 
-/// The inverse index. Keyframes come by id, so each list is sorted.
+/// The inverse index. Keyframes are in the order of ids, so each list is sorted.
 pub(super) fn observations(
     keyframes: &[Keyframe],
     slots: &[u32],

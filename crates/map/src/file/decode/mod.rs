@@ -1,4 +1,4 @@
-//! Sections as a map. Indices are checked here, where something is looked up by them; what values may be is checked after.
+//! Decodes sections to a map. Indices are checked here, before their use; value ranges are checked afterwards.
 
 mod keyframes;
 mod landmarks;
@@ -16,7 +16,7 @@ use stillpoint_features::Descriptor;
 use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
 use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec3};
 
-/// The map of its sections, from a file of `file_length` bytes.
+/// Decodes the sections of a file of `file_length` bytes.
 pub(super) fn map(sections: &[Stored<'_>], file_length: usize) -> Result<Map, MapFileError> {
     let names = || sections.iter().map(|s| s.name);
     if !names().eq(Part::ALL.iter().map(|p| p.name())) {
@@ -77,7 +77,7 @@ pub(super) fn map(sections: &[Stored<'_>], file_length: usize) -> Result<Map, Ma
     })
 }
 
-/// The sections, which are those of [`Part::ALL`].
+/// The sections, known to be those of [`Part::ALL`].
 struct Source<'a> {
     sections: &'a [Stored<'a>],
 }
@@ -96,7 +96,6 @@ impl<'a> Source<'a> {
     }
 }
 
-/// A reader for the bytes of one part. Errors name the part.
 fn reader(part: Part, bytes: &[u8]) -> Reader<'_> {
     Reader::new(part.name(), bytes)
 }
@@ -152,7 +151,7 @@ fn cameras(source: &Source<'_>, counts: &Counts) -> Result<Vec<Camera>, MapFileE
     Ok(cameras)
 }
 
-/// Not normalised, so that the bits stay; whether it is a rotation is checked later.
+/// Not normalised, to preserve all bits; checked to be a rotation later.
 pub(super) fn pose(from: &mut Reader<'_>) -> Result<Se3, MapFileError> {
     let (i, j, k, w) = (from.f64()?, from.f64()?, from.f64()?, from.f64()?);
     let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
@@ -193,7 +192,6 @@ fn tombstones(
     from.end()
 }
 
-/// Puts something where nothing is.
 fn fill(
     view: &mut MapView,
     id: KeyframeId,

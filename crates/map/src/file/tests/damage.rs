@@ -1,4 +1,4 @@
-//! Damage anywhere in a file is seen or harmless.
+//! Damage anywhere in a file is detected or harmless.
 
 use super::made::{Random, extensions, random_map, words};
 use super::{Raw, sealed, taken_apart};
@@ -70,17 +70,14 @@ fn no_single_bit_can_change_unseen() {
 
 #[derive(Clone, Debug)]
 enum Damage {
-    /// Another byte.
     Byte(u8),
-    /// Another number of 32 bits, aligned.
+    /// Aligned.
     Number(u32),
-    /// Another number of 64 bits, aligned.
+    /// Aligned.
     Long(u64),
     Remove(u8),
     Insert(u8),
-    /// The section of another place.
     Swap(prop::sample::Index),
-    /// The same section again.
     Again,
     Drop,
 }
@@ -142,8 +139,7 @@ fn inflict(raw: &mut Vec<Raw>, section: usize, at: prop::sample::Index, damage: 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
 
-    /// Behind the checksums: whatever the content of the sections, it is refused, or is a map that is sound and that
-    /// comes back as it is.
+    /// With valid checksums but arbitrary content, a file is rejected, or is a sound map that round-trips.
     #[test]
     fn damage_behind_the_checksums_is_seen_or_harmless(
         seed in 0u64..4,
@@ -189,7 +185,7 @@ proptest! {
     }
 }
 
-/// Blocks of noise are not compressed, and nothing is taken for noise that is none.
+/// Noise is not compressed, and compressible data is not mistaken for noise.
 #[test]
 fn noise_is_stored_and_everything_else_shrinks() {
     let random = &mut Random(1);
@@ -199,7 +195,7 @@ fn noise_is_stored_and_everything_else_shrinks() {
     let packed = blocks::pack(&few).unwrap();
     assert!(packed.len() < 240_000, "{} bytes", packed.len());
     assert_eq!(blocks::unpack("x", &packed, 300_000).unwrap(), few);
-    // A block of noise after one of zeros, or of the low bytes of counted ids, of which all are as frequent as in noise.
+    // A block of noise after zeros, or after the low bytes of consecutive ids, which are uniformly distributed too.
     for first in [&|_| 0, &|i| i as u8] as [&dyn Fn(u32) -> u8; 2] {
         let mut raw: Vec<u8> = (0..1 << 17).map(first).collect();
         raw.extend(&noise[..1 << 17]);

@@ -1,4 +1,4 @@
-//! Maps made at random, in which everything happens.
+//! Random maps that exercise all features.
 
 use crate::file::Extension;
 use crate::landmark::LandmarkSlot;
@@ -9,7 +9,6 @@ use std::sync::Arc;
 use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
 use stillpoint_geometry::{BrownConrady, Camera, Mat6, Se3, Vec3, Vec6};
 
-/// SplitMix64.
 pub(super) struct Random(pub(super) u64);
 
 impl Random {
@@ -101,13 +100,13 @@ fn point(random: &mut Random) -> Vec3 {
     Vec3::new(x(), x(), x() + 3.0)
 }
 
-/// A map after `changes` changes of every kind.
+/// A map after `changes` random changes of every kind.
 pub(super) fn random_map(seed: u64, features: u32, changes: u32) -> Map {
     let random = &mut Random(seed);
     let mut map = Map::new(LEVELS, 1.2);
     let mut next = 0;
     for _ in 0..changes {
-        // Mostly one that is there: most ids stand for nothing.
+        // Mostly a live one: most ids are unused.
         let live: Vec<KeyframeId> = map.view.keyframes().map(|k| k.id).collect();
         let one = random.below(live.len() as u32) as usize;
         let keyframe = match live.get(one) {
@@ -167,7 +166,7 @@ pub(super) fn random_map(seed: u64, features: u32, changes: u32) -> Map {
     map
 }
 
-/// The same with loops between some of its keyframes, where one submap has more than one.
+/// A random map with loops between keyframes, in submaps with more than one.
 pub(super) fn looped_map(seed: u64, features: u32, changes: u32) -> Map {
     let mut map = random_map(seed, features, changes);
     let random = &mut Random(seed);
@@ -192,7 +191,7 @@ pub(super) fn looped_map(seed: u64, features: u32, changes: u32) -> Map {
     map
 }
 
-/// Everything in a map, in words that differ when a bit differs.
+/// All content of a map as text, distinguishing all bits.
 pub(super) fn words(map: &Map) -> String {
     format!("{map:?}")
 }

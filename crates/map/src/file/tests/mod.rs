@@ -1,4 +1,4 @@
-//! Maps, their files, and what becomes of damaged files.
+//! Tests of map files and of damaged ones.
 
 mod damage;
 mod made;
@@ -10,7 +10,7 @@ use crate::file::container::{self, Kind, Section};
 use crate::file::sections::Part;
 use std::borrow::Cow;
 
-/// A section, taken out to be changed.
+/// A section taken out for modification.
 type Raw = (Kind, String, Vec<u8>);
 
 fn taken_apart(bytes: &[u8]) -> Vec<Raw> {
@@ -20,7 +20,7 @@ fn taken_apart(bytes: &[u8]) -> Vec<Raw> {
     sections.iter().map(raw).collect()
 }
 
-/// The sections with checksums that are right.
+/// The sections with correct checksums.
 fn sealed(raw: &[Raw], compress: bool) -> Vec<u8> {
     let section = |(kind, name, bytes): &'_ Raw| -> Section<'static> {
         let part = Part::ALL.iter().find(|p| p.name() == name);

@@ -1,4 +1,4 @@
-//! What is no map, recognised by its kind.
+//! Rejection of invalid files, by kind.
 
 use super::made::{looped_map, random_map};
 use super::{Raw, sealed, taken_apart};
@@ -7,13 +7,12 @@ use crate::file::{Extension, MapFile, loops};
 use crate::{Keyframe, KeyframeId, KeyframeSlot, LandmarkId};
 use std::sync::Arc;
 
-/// What reading the sections of a map says after `change`.
+/// The error message after `change` of the sections.
 fn refusal(change: impl FnOnce(&mut Vec<Raw>)) -> String {
     let mut raw = taken_apart(&random_map(3, 6, 300).to_bytes(&[]).unwrap());
     change(&mut raw);
     match MapFile::from_bytes(&sealed(&raw, true)) {
         Err(e) => e.to_string(),
-        // Without showing the whole map.
         Ok(_) => panic!("nothing was refused"),
     }
 }
@@ -32,7 +31,7 @@ fn put(raw: &mut [Raw], part: Part, at: usize, new: &[u8]) {
 #[test]
 fn every_kind_of_nonsense_has_its_message() {
     let nan = f64::NAN.to_le_bytes();
-    // In the records of keyframes: id, parent, camera, features, stamp, quaternion, translation, submap.
+    // Layout of keyframe records: id, parent, camera, features, stamp, quaternion, translation, submap.
     check(
         |r| put(r, Part::Keyframes, 16, &nan),
         &["finite stamp", "keyframes", "NaN"],
@@ -50,7 +49,6 @@ fn every_kind_of_nonsense_has_its_message() {
         |r| put(r, Part::Keyframes, 80, &[255; 4]),
         &["a submap below"],
     );
-    // Its own parent.
     let own = |r: &mut Vec<Raw>| {
         let id = r[Part::Keyframes as usize].2[..4].to_vec();
         put(r, Part::Keyframes, 4, &id);
@@ -62,7 +60,7 @@ fn every_kind_of_nonsense_has_its_message() {
     );
     check(|r| put(r, Part::Cameras, 0, &[0, 0]), &["an image of 1 to"]);
     check(|r| put(r, Part::Cameras, 8, &nan), &["focal"]);
-    // More cameras than runs that anyone merges; and the same lens, without its last coefficient.
+    // More cameras than merged runs could have; and the same lens without its last coefficient.
     check(
         |r| put(r, Part::Header, 16, &50_000u32.to_le_bytes()),
         &["at most 1024 in cameras", "50000"],
@@ -75,13 +73,13 @@ fn every_kind_of_nonsense_has_its_message() {
         }
     };
     check(folded, &["k3 is 0: was it left out?"]);
-    // A tombstone that hangs on itself.
     let own = |r: &mut Vec<Raw>| {
         let id = r[Part::Tombstones as usize].2[..4].to_vec();
         put(r, Part::Tombstones, 4, &id);
     };
     check(own, &["tombstone", "does not hold"]);
-    // Counts that the sections do not have: version, features, cameras, slots, keyframes, tombstones, pairs, landmark slots, landmarks.
+    // Counts that contradict the sections: version, features, cameras, slots, keyframes, tombstones, pairs, landmark
+    // slots, landmarks.
     check(
         |r| put(r, Part::Header, 8, &u64::MAX.to_le_bytes()),
         &["features, as the header says"],
@@ -100,7 +98,6 @@ fn every_kind_of_nonsense_has_its_message() {
         |r| put(r, Part::LandmarkSlots, 0, &[0; 4]),
         &["merged into another"],
     );
-    // All observations gone.
     check(
         |r| r[Part::Matches as usize].2.fill(255),
         &["0 or 1 per feature"],
@@ -169,7 +166,7 @@ fn maps_of_more_cameras_than_any_run_has_are_not_written() {
         map.to_bytes(&[]).unwrap_err().to_string()
     };
     assert!(refusal(1025).contains("at most 1024 in cameras"));
-    // What else is wrong with such a map is another matter.
+    // Other errors of such a map are irrelevant here.
     assert!(!refusal(1024).contains("in cameras"));
 }
 
@@ -189,7 +186,7 @@ fn loops_that_were_not_measured_are_refused() {
     };
     let nan = f64::NAN.to_le_bytes();
     for (found, part) in [
-        // Two ids, a quaternion, a translation, 21 elements of a matrix, a count.
+        // Layout: two ids, a quaternion, a translation, 21 elements of a matrix, a count.
         (refusal(|b| b[0..4].fill(0xfe)), "the loop from keyframe"),
         (
             refusal(|b| b.copy_within(0..4, 4)),

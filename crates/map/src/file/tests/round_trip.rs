@@ -1,4 +1,4 @@
-//! What is written comes back as it was.
+//! Maps round-trip through files.
 
 use super::made::{Random, data, extensions, looped_map, random_map, words};
 use super::taken_apart;
@@ -30,7 +30,7 @@ proptest! {
         prop_assert_eq!(words(&back.map), words(&map));
         prop_assert_eq!(&back.extensions, &extensions());
         prop_assert_eq!(back.map.to_bytes(&back.extensions).unwrap(), bytes);
-        // A program that does not know loops sees the map that it knows, and one extension more.
+        // A program without knowledge of loops sees the plain map and one more extension.
         let plain = random_map(seed, 6, changes).to_bytes(&extensions()).unwrap();
         let mut raw = taken_apart(&map.to_bytes(&extensions()).unwrap());
         raw.retain(|section| section.1 != loops::NAME);

@@ -1,4 +1,4 @@
-//! Files of other versions and of other programs, and the first file there was.
+//! Files of other versions and of other programs, and the first file of version 1.
 
 use super::made::{extensions, random_map, words};
 use crate::Map;
@@ -25,7 +25,7 @@ fn later_versions_and_other_files_are_named() {
         assert!(matches!(e, MapFileError::Foreign { .. }), "{e}");
         assert!(e.to_string().contains("--save-map"), "{e}");
     }
-    // Sent as text, with line ends changed.
+    // Transferred as text, with line ends changed.
     let bytes = Map::new(8, 1.2).to_bytes(&[]).unwrap();
     let text: Vec<u8> = bytes.into_iter().filter(|b| *b != b'\r').collect();
     let e = MapFile::from_bytes(&text).unwrap_err();
@@ -34,7 +34,7 @@ fn later_versions_and_other_files_are_named() {
     assert!(e.to_string().contains("its end is missing"), "{e}");
 }
 
-/// A file of version 1, as it was first written. Whatever changes, it must be read, as the same map.
+/// The first file of version 1. It must stay readable, as the same map.
 const GOLDEN: &[u8] = include_bytes!("../../../tests/data/map-v1.spmap");
 
 #[test]
@@ -45,7 +45,7 @@ fn the_first_file_of_version_1_can_be_read() {
     assert_eq!(file.format, 1);
 }
 
-/// For the first file of a later version; that of version 1 stays.
+/// Creates the first file of a later version; that of version 1 stays.
 #[test]
 #[ignore = "writes a golden file"]
 #[allow(clippy::disallowed_methods)] // A tool to make test data.

@@ -43,7 +43,7 @@ fn without_numbers(text: &str) -> String {
 }
 
 proptest! {
-    /// Every cause has words of its own, in one line without blanks at its ends.
+    /// Every cause has its own text, one line without surrounding blanks.
     #[test]
     fn each_cause_has_its_own_text(counts in counts(), moving in 0.5..1.0f64, needed in 10..1000_u32, seconds in 0.0..1e4f64, map in any::<bool>()) {
         let dark = Look { mean: 3.0, contrast: 1.0, depth: 0.0 };
@@ -78,7 +78,7 @@ proptest! {
         }
     }
 
-    /// A black image is the cause, whatever tracking made of it; so is a white one.
+    /// A black or white image is the cause, whichever tracking step failed.
     #[test]
     fn what_can_be_seen_comes_first(counts in counts(), reason in prop::sample::select(&REASONS[..]), level in 0..256_u32, moving in 0.0..1.0f64) {
         let look = Look { mean: f64::from(level), contrast: 2.0, depth: 0.5 };

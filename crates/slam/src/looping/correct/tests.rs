@@ -1,4 +1,4 @@
-//! What a loop that is believed does to a map.
+//! Effects of an accepted loop on a map.
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 
 use super::super::tests::{come_back, ends, knowing};
@@ -20,7 +20,7 @@ fn closed(parent: Option<u32>) -> (Map, LoopReport) {
     (map, report)
 }
 
-/// How far the last keyframe is from where it is in truth, m and rad together.
+/// Pose error of the last keyframe, m and rad combined.
 fn error(map: &Map) -> f64 {
     let pose = |id| -> Se3 {
         map.view()
@@ -44,7 +44,7 @@ fn a_loop_brings_its_ends_together_and_merges_what_both_see() {
         error(&map)
     );
     assert!(report.merges >= 50 && report.merges <= 60, "{report:?}");
-    // What both see is one landmark now.
+    // Landmarks seen by both are merged.
     map.refresh_covisibility(KeyframeId(20), 15);
     let keyframe = map.view().keyframe(KeyframeId(20)).unwrap();
     let shared = keyframe.covisible.iter().find(|c| c.0 == KeyframeId(0));

@@ -1,11 +1,11 @@
-//! What paths may have drifted.
+//! Drift of paths.
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 
 use super::super::tests::map;
 use super::*;
 use stillpoint_map::{KeyframeId, SubmapId};
 
-/// A loop between keyframes that are where they believe each other, known to so much, m and rad.
+/// An identity loop edge with these standard deviations, m and rad.
 fn edge(old: u32, new: u32, [metres, radians]: [f64; 2]) -> LoopEdge {
     let (t, r) = (1.0 / (metres * metres), 1.0 / (radians * radians));
     LoopEdge {
@@ -23,25 +23,25 @@ fn what_a_path_may_have_drifted_grows_with_its_ties() {
     let nodes = || Nodes::new(map.view(), SubmapId(0), SubmapId(0));
     let drift = Drift::new(map.view(), nodes(), &[]);
     let one = drift.between(3, 4).unwrap();
-    // Nothing is shared: as after frames that were bridged.
+    // Nothing is shared, as after bridged frames.
     assert!((one[(0, 0)].sqrt() - 0.05).abs() < 1e-9, "{one}");
     let six = drift.between(2, 8).unwrap();
     assert!((six - one * 6.0).amax() < 1e-12, "{six}");
     assert_eq!(drift.between(8, 2).unwrap(), six);
     assert_eq!(drift.between(5, 5), Some(Mat6::zeros()));
-    // A loop is a short way.
     let closed = Drift::new(map.view(), nodes(), &[edge(2, 8, [1e-4, 1e-4])]);
     assert!(closed.between(2, 8).unwrap()[(0, 0)] < 1e-4);
 }
 
-/// An error of rotation counts by what it moves far away: of two loops between the same keyframes the path takes the one that is worse in place and better in direction.
+/// Rotation errors count by their displacement far away: of two loops between the same keyframes the path takes the one
+/// with the worse position and the better rotation.
 #[test]
 fn a_path_weighs_rotation_by_how_far_the_map_reaches() {
     let loops = [edge(0, 9, [0.01, 0.05]), edge(0, 9, [0.05, 0.002])];
     let variance = |reach: f64| {
         let mut map = map(12);
         for k in 0..12 {
-            // Those that are between spread, those of the loops stay.
+            // Only the keyframes between are spread out; those of the loops stay.
             let x = if k % 9 == 0 {
                 0.0
             } else {
@@ -59,7 +59,7 @@ fn a_path_weighs_rotation_by_how_far_the_map_reaches() {
         wide[(0, 0)] > 0.04 * 0.04 && wide[(4, 4)] < 0.01 * 0.01,
         "{wide}"
     );
-    // Control: where all of it is within a hand's breadth, the better place is the better path.
+    // Control: in a map of a few centimetres the loop with the better position is taken.
     let narrow = variance(0.1);
     assert!(
         narrow[(0, 0)] < 0.02 * 0.02 && narrow[(4, 4)] > 0.04 * 0.04,

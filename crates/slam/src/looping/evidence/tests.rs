@@ -1,10 +1,10 @@
-//! How much each kind of evidence says.
+//! Strength of each kind of evidence.
 
 use super::*;
 use crate::loop_evidence::LoopEvidence;
 use stillpoint_geometry::Vec6;
 
-/// A path that may have drifted so far along each axis, m and rad.
+/// Covariance of a path with these standard deviations per axis, m and rad.
 fn drift(metres: f64, radians: f64) -> Mat6 {
     let (t, r) = (metres * metres, radians * radians);
     Mat6::from_diagonal(&Vec6::new(t, t, t, r, r, r))
@@ -25,13 +25,13 @@ const LEAST: f64 = 2.995_732;
 
 #[test]
 fn a_share_of_landmarks_speaks_for_a_place_and_a_poster_against_it() {
-    // A quarter of what should be in sight; and the same share of less.
+    // A quarter of the expected landmarks, and the same share of fewer.
     assert!(landmarks(100, 400) > 6.0);
     assert!(landmarks(15, 60) > 1.0 && landmarks(15, 60) < landmarks(100, 400));
-    // A poster in another place.
+    // A poster that hangs in another place.
     assert!(landmarks(20, 400) < -1.0);
     assert!(landmarks(30, 700) < -1.0);
-    // What any motion fits is no evidence, nor is nothing.
+    // Landmarks that fit any motion are no evidence, nor are none at all.
     assert!(landmarks(3, 12) < 0.0);
     assert!(landmarks(0, 0).abs() < 1e-12);
     let mut before = f64::NEG_INFINITY;
@@ -45,14 +45,14 @@ fn a_share_of_landmarks_speaks_for_a_place_and_a_poster_against_it() {
 #[test]
 fn a_place_where_it_is_expected_is_strong_and_one_elsewhere_is_stronger_against() {
     let place = |cost, metres| super::place(cost, &drift(metres, 0.02), 3.0, By::Words);
-    // The less a path may have drifted, the more it says that the place is where it should be.
+    // The smaller the drift, the stronger the evidence of an expected position.
     assert!(place(1.0, 0.05) > place(1.0, 0.2) + 2.0 && place(1.0, 0.2) > 3.0);
-    // A path that may have drifted through the whole map says nothing.
+    // Drift of the size of the map is no evidence.
     assert!(place(1.0, 30.0).abs() < 1.0);
-    // Three times as far as the path tells is borne, an equal room is not.
+    // Three times the expected drift is tolerated, an equal room elsewhere is not.
     assert!(place(60.0, 0.1) > -3.0);
     assert!(place(2000.0, 0.1) < -10.0);
-    // What the map named is near by being named: only a path that is known better than the search reaches says more.
+    // A candidate from the map is near by construction: only drift smaller than the search reach adds evidence.
     let named = |metres, radians| super::place(1.0, &drift(metres, radians), 3.0, By::Pose);
     assert!(named(0.05, 0.02) > 1.0 && named(0.05, 0.02) < place(1.0, 0.05));
     assert!(named(0.5, 0.3).abs() < 1.5);
@@ -72,7 +72,7 @@ fn witnesses_and_looks_count_and_are_bounded() {
 
 #[test]
 fn strong_evidence_of_one_kind_makes_up_for_another() {
-    // Neither a share of landmarks in between nor a place that is expected is enough alone.
+    // Neither an intermediate share of landmarks nor an expected position suffices alone.
     assert!(of(1.0, 0.0, 0.0).log_odds() < LEAST);
     assert!(of(-1.0, 0.0, 5.0).log_odds() < LEAST);
     assert!(of(2.0, 0.0, 6.0).log_odds() > LEAST);
@@ -84,7 +84,7 @@ fn strong_evidence_of_one_kind_makes_up_for_another() {
 fn no_landmarks_and_no_witnesses_outweigh_where_a_place_lies() {
     let equal = of(20.0, 3.0, -9.0);
     assert!(equal.log_odds() < 0.0 && equal.is_elsewhere(LEAST));
-    // Where nothing is known of it, an equal place is a thousandth.
+    // Without an expected position, an equal place has odds of one in a thousand.
     let unknown = of(20.0, 3.0, 0.0);
     assert!((unknown.log_odds() - log(1000.0)).abs() < 1e-3);
     assert!(!unknown.is_elsewhere(LEAST));

@@ -1,4 +1,4 @@
-//! Motions between keyframes that see the same things, and that see others.
+//! Motions between keyframes with and without common points.
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 
 use super::super::begun;
@@ -6,7 +6,7 @@ use super::super::recognise::Candidate;
 use super::super::tests::{come_back, ends, knowing};
 use super::*;
 
-/// What verification says of the last keyframe of a map that sees so many things of the first again.
+/// Verifies the last keyframe of a map that sees `again` points of the first.
 fn verified(again: usize, by: By) -> (Result<Verified, LoopOutcome>, LoopReport) {
     let map = come_back(again, Some(19));
     let keyframe = |id| map.view().keyframe(KeyframeId(id)).unwrap();
@@ -30,7 +30,7 @@ fn the_motion_between_two_sights_of_the_same_things_is_found() {
         let off = found.unwrap().new_from_old * truth;
         assert!(off.log().norm() < 0.01, "{by:?}: {off:?}");
         assert!(report.inliers >= 50 && report.inliers <= 60, "{report:?}");
-        // What should be in sight is all that the older one sees.
+        // All points of the older keyframe are expected in view.
         assert!(report.expected >= 90 && report.expected <= 96, "{report:?}");
         let edge = report.edge.unwrap();
         assert!((truth.inverse() * edge).log().norm() < 0.01, "{edge:?}");

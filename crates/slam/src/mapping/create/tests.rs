@@ -5,7 +5,7 @@ use crate::config::Config;
 use crate::synthetic::{Feature, at, data, see};
 use stillpoint_map::SubmapId;
 
-/// Factor between two levels.
+/// Scale factor between levels.
 const SCALE: f64 = 1.2;
 
 fn keyframe(id: u32, world_from_camera: Se3, features: &[Feature]) -> Keyframe {
@@ -20,7 +20,6 @@ fn keyframe(id: u32, world_from_camera: Se3, features: &[Feature]) -> Keyframe {
     }
 }
 
-/// A point of a look as a camera sees it that measures no depth there.
 fn flat(point: Vec3, look: usize, camera: &Se3, level: u8) -> Feature {
     Feature {
         depth: 0.0,
@@ -29,7 +28,7 @@ fn flat(point: Vec3, look: usize, camera: &Se3, level: u8) -> Feature {
     }
 }
 
-/// What two cameras make of one point, which they see on these levels.
+/// The point triangulated from two cameras, observed on these levels.
 fn made_of(point: Vec3, cameras: [Se3; 2], levels: [u8; 2]) -> Option<Vec3> {
     let [a, b] = [0, 1].map(|k| {
         let feature = flat(point, 0, &cameras[k], levels[k]);
@@ -54,12 +53,12 @@ fn rays_that_hardly_differ_fix_nothing() {
     let near = Vec3::new(0.1, 0.1, 2.0);
     assert!(made_of(near, cameras(0.2), [0, 0]).is_some());
     assert!(made_of(10.0 * near, cameras(0.2), [0, 0]).is_none());
-    // Hardly aside, compared with what is seen: nothing is tried, however near the point is.
+    // With a small baseline relative to median depth triangulation is skipped, however near the point.
     assert!(made_of(0.1 * near, cameras(0.02), [0, 0]).is_some());
     assert!(made_of(0.1 * near, cameras(0.009), [0, 0]).is_none());
 }
 
-/// A point behind both cameras agrees with both rays, and with neither pixel.
+/// A point behind both cameras lies on both rays but contradicts both pixels.
 #[test]
 fn rays_that_part_meet_nowhere() {
     let cameras = [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)];
@@ -70,11 +69,11 @@ fn rays_that_part_meet_nowhere() {
         let [a, b] = [0, 1].map(|k| keyframe(k as u32, cameras[k], &features[k..=k]));
         triangulate_pair(&a, &b, SCALE).len()
     };
-    // 50 px of disparity at 2 m: by 100 px more to the right the rays part as much.
+    // 50 px of disparity at 2 m: 100 px more to the right the rays diverge as much.
     assert_eq!([made(0.0), made(100.0)], [1, 0]);
 }
 
-/// Both keyframes are as far away, so that both see the same patch on one level, give or take what corners jump.
+/// At equal distances both keyframes see a patch on one level, within the tolerance.
 #[test]
 fn levels_that_distances_do_not_explain_are_a_wrong_match() {
     let point = Vec3::new(0.1, 0.1, 2.0);
@@ -90,7 +89,7 @@ fn levels_that_distances_do_not_explain_are_a_wrong_match() {
         let made = made_of(point, aside, levels);
         assert_eq!(made.is_some(), fine, "levels {levels:?}");
     }
-    // Half as far away it is twice as large, four levels coarser.
+    // At half the distance it is twice as large, four levels coarser.
     let towards = [at(0.4, 0.0, 1.0), at(0.0, 0.0, 0.0)];
     assert!(made_of(point, towards, [4, 0]).is_some());
     assert!(made_of(point, towards, [0, 0]).is_none());
@@ -110,13 +109,13 @@ fn what_looks_otherwise_or_lies_aside_of_the_line_is_no_match() {
         pixel: [seen(1).pixel[0], seen(1).pixel[1] + px],
         ..seen(1)
     };
-    // Across the line 95 % of matches are off by less than 1.96 px.
+    // The 95 % gate across the epipolar line is 1.96 px.
     assert_eq!(made(seen(0), lower(1.8)), 1);
     assert_eq!(made(seen(0), lower(2.2)), 0);
     let noisy = |noise| Feature { noise, ..seen(1) };
     assert_eq!(made(seen(0), noisy(STRICT_DISTANCE)), 1);
     assert_eq!(made(seen(0), noisy(STRICT_DISTANCE + 1)), 0);
-    // What measures its depth makes landmarks of its own, and what stands still only for now makes none.
+    // Features with depth are not triangulated, nor are those that are not mappable.
     let deep = Feature {
         depth: 2.0,
         ..seen(1)
@@ -131,7 +130,7 @@ fn what_looks_otherwise_or_lies_aside_of_the_line_is_no_match() {
 #[test]
 fn a_feature_is_matched_once_with_the_one_that_is_most_like_it() {
     let cameras = [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)];
-    // Two points behind each other on one line of the second keyframe.
+    // Two points behind each other on one epipolar line of the second keyframe.
     let points = [Vec3::new(0.1, 0.1, 2.0), Vec3::new(0.12, 0.12, 2.4)];
     let a = [0, 1].map(|i| Feature {
         noise: [12, 3][i],
@@ -146,7 +145,8 @@ fn a_feature_is_matched_once_with_the_one_that_is_most_like_it() {
     }
 }
 
-/// A mapper with keyframe 0 at the origin and keyframe 1 aside of it. Both see a point with its depth, which they share, and these two without.
+/// A mapper with keyframe 0 at the origin and keyframe 1 `baseline` aside. They share one point with depth and see two
+/// more without.
 fn mapper(points: [Vec3; 2], baseline: f64) -> Mapper {
     let mut mapper = Mapper::new(&Config::default());
     for id in 0..2_u32 {
@@ -185,7 +185,7 @@ fn triangulated_landmarks_are_seen_by_both_keyframes_and_have_to_prove_themselve
         assert!(off.fold(f64::MAX, f64::min) < 1e-3, "{position:?}");
     }
     assert_eq!((mapper.young.len(), view.landmark_count()), (3, 3));
-    // Once they are there, nothing is made twice.
+    // A second pass creates nothing.
     assert_eq!(mapper.triangulate(KeyframeId(1)), 0);
 }
 
@@ -218,6 +218,6 @@ fn depth_makes_landmarks_of_what_nothing_is_known_of() {
         let expected = Vec3::new(0.2 * i as f64, 0.1, z);
         assert!((position - expected).norm() < 1e-5, "{position:?}");
     }
-    // The nearest first: where numbers are short, it is what is far that does without.
+    // Nearest first, so that young landmarks are ordered by depth.
     assert_eq!(mapper.young, [matches[4].unwrap(), matches[0].unwrap()]);
 }

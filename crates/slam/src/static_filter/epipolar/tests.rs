@@ -1,4 +1,4 @@
-//! A camera before points at many depths, of which those in a box move by themselves.
+//! A camera and points at many depths, of which those in a box move.
 
 use super::*;
 use crate::static_filter::semantic::Mover;
@@ -20,7 +20,6 @@ fn camera() -> Camera {
     Camera::pinhole(320, 240, [260.0, 260.0, 159.5, 119.5])
 }
 
-/// Features, their depths, and where they were.
 struct Scene {
     features: Vec<[f32; 2]>,
     depths: Vec<f32>,
@@ -29,7 +28,7 @@ struct Scene {
 }
 
 impl Scene {
-    /// What stands still outside the box, and what moves by `moved` (m, in the frame before) inside.
+    /// Static points outside the box, and points inside that moved by `moved` (m, in the last frame).
     fn new(outside: usize, inside: usize, last_from_now: Se3, moved: Vec3) -> Self {
         let camera = camera();
         let mut scene = Self {
@@ -39,7 +38,7 @@ impl Scene {
             last_from_now,
         };
         for i in 0..outside + inside {
-            // Spread over each part, at depths from 1 to 3 m that follow no plane.
+            // Spread over each part, at depths from 1 to 3 m that lie on no plane.
             let (a, b, c) = (i * 37 % 101, i * 53 % 97, i * 71 % 89);
             let (from, width) = if i < outside {
                 (5.0, 90.0)
@@ -70,7 +69,7 @@ impl Scene {
         scene
     }
 
-    /// The same with flow that is off by up to a fifth of a pixel: of what is exactly degenerate nothing is found at all.
+    /// Adds flow errors of up to a fifth of a pixel: exactly degenerate data yields no model at all.
     fn with_noise(mut self) -> Self {
         let at = |i: usize| 0.4 * ((i * 61 % 127) as f64 / 127.0 - 0.5);
         for (i, pair) in self.pairs.iter_mut().enumerate() {
@@ -128,12 +127,12 @@ fn median(distances: &[Option<f64>]) -> f64 {
 
 #[test]
 fn lines_are_those_of_the_camera_whatever_most_features_do() {
-    // Four in five move with the person in the box; the camera goes to the side, they go up.
+    // Four in five move with the person in the box; the camera moves sideways, they move up.
     let scene = Scene::new(60, 240, shift(0.05, 0.0, 0.0), Vec3::new(0.0, -0.06, 0.0));
     let found = scene.distances();
     assert!(worst(&found[..60]) < 0.01, "{}", worst(&found[..60]));
     assert!(median(&found[60..]) > 2.0, "{}", median(&found[60..]));
-    // The control: were they not in a box, the lines would be theirs.
+    // Control: outside of a box, they would determine the lines.
     let outside = Scene {
         features: vec![[50.0, 100.0]; 300],
         ..scene
@@ -144,14 +143,14 @@ fn lines_are_those_of_the_camera_whatever_most_features_do() {
 
 #[test]
 fn with_few_features_outside_all_are_asked() {
-    // 30 outside would not do. All agree on the camera's motion.
+    // 30 outside do not suffice. All agree on the camera's motion.
     let scene = Scene::new(30, 100, shift(0.05, 0.01, 0.02), Vec3::zeros());
     assert!(worst(&scene.distances()) < 0.01);
 }
 
 #[test]
 fn a_person_who_moves_along_the_lines_obeys_them() {
-    // What the publication cannot see, and why it adds depth.
+    // A limit of the published method, and its reason to add depth.
     let scene = Scene::new(60, 240, shift(0.05, 0.0, 0.0), Vec3::new(0.06, 0.0, 0.0));
     assert!(worst(&scene.distances()) < 0.01);
 }
@@ -162,7 +161,6 @@ fn where_no_lines_are_defined_the_rigid_place_decides() {
     let rotation = Se3::new(turn, Vec3::zeros());
     for (name, motion) in [("rotation", rotation), ("rest", Se3::identity())] {
         let mut scene = Scene::new(80, 60, motion, Vec3::new(0.03, 0.0, 0.0)).with_noise();
-        // Nothing is known of a feature without depth.
         scene.depths[7] = 0.0;
         scene.pairs[9] = None;
         let found = scene.distances();
@@ -173,7 +171,7 @@ fn where_no_lines_are_defined_the_rigid_place_decides() {
             assert_eq!(*found, rigid, "{name}, {i}");
         }
         assert_eq!((found[7], found[9]), (None, None));
-        // Epipolar lines would say nothing of these, whichever way they move; this finds them.
+        // Epipolar lines are undefined here; the rigid distance still finds the motion.
         assert!(worst(&found[..80]) < 0.3, "{name}");
         assert!(median(&found[80..]) > 2.0, "{name}");
     }

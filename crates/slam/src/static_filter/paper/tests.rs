@@ -1,4 +1,4 @@
-//! Algorithm 2, a case per row: outside all boxes, in a box that is split, in one that is not, and without the one or the other.
+//! The cases of Algorithm 2: outside all boxes, in a split box, in an unsplit one, and with missing data.
 
 use super::*;
 use crate::static_filter::{FilterParts, FlowPair};
@@ -15,7 +15,7 @@ const BOX: BoundingBox = BoundingBox {
 };
 const INSIDE: [f32; 2] = [150.0, 100.0];
 const OUTSIDE: [f32; 2] = [40.0, 100.0];
-/// What lies beyond this is background, m.
+/// Features beyond this are background, m.
 const SPLIT_AT: f64 = 2.0;
 const NEAR: f32 = 1.5;
 const FAR: f32 = 3.0;
@@ -42,7 +42,7 @@ fn mover(weight: f64, bounds: BoundingBox) -> Mover {
     }
 }
 
-/// The verdict on a feature, with one box of this weight that is split at [`SPLIT_AT`] where its weight asks for it.
+/// Verdict on a feature with one box of this weight, split at [`SPLIT_AT`] if the weight requires it.
 fn verdict(
     config: &StaticFilterConfig,
     weight: f64,
@@ -70,7 +70,6 @@ fn outside_all_boxes_the_epipolar_distance_decides() {
         assert!(!dynamic(PERSON, OUTSIDE, z, Some(0.99)));
         assert!(dynamic(PERSON, OUTSIDE, z, Some(1.0)));
         assert!(dynamic(PERSON, OUTSIDE, z, Some(8.0)));
-        // Without a pair it is kept.
         assert!(!dynamic(PERSON, OUTSIDE, z, None));
     }
     let moved = verdict(&config("O+G+D"), PERSON, OUTSIDE, FAR, Some(1.5));
@@ -79,7 +78,7 @@ fn outside_all_boxes_the_epipolar_distance_decides() {
 
 #[test]
 fn in_a_box_the_weight_multiplies_the_distance() {
-    // On the background, so that depth speaks for the feature.
+    // On the background, so that depth favours the feature.
     for (weight, distance, expected) in [
         (PERSON, 0.19, false),
         (PERSON, 0.21, true),
@@ -91,7 +90,6 @@ fn in_a_box_the_weight_multiplies_the_distance() {
         let found = verdict(&config("O+G+D"), weight, INSIDE, FAR, Some(distance));
         assert_eq!(found.dynamic, expected, "{weight} {distance}");
         assert_eq!(found.reasons.has(Reasons::EPIPOLAR), expected);
-        // The same place, were it in no box.
         assert_eq!(
             dynamic(weight, OUTSIDE, FAR, Some(distance)),
             distance >= 1.0
@@ -105,10 +103,10 @@ fn in_a_split_box_only_what_is_deeper_may_be_static() {
         for distance in [Some(0.0), None] {
             assert!(!dynamic(weight, INSIDE, FAR, distance), "{weight}");
             assert!(dynamic(weight, INSIDE, NEAR, distance), "{weight}");
-            // What has no depth is taken to be the object.
+            // A feature without depth counts as object.
             assert!(dynamic(weight, INSIDE, 0.0, distance), "{weight}");
         }
-        // Both must speak for it.
+        // Both criteria must hold.
         assert!(dynamic(weight, INSIDE, FAR, Some(0.5)));
     }
     let kept = verdict(&config("O+G+D"), PERSON, INSIDE, FAR, Some(0.0));
@@ -120,10 +118,9 @@ fn in_a_split_box_only_what_is_deeper_may_be_static() {
 #[test]
 fn in_a_box_that_is_not_split_the_distance_decides_and_else_the_class() {
     for z in [0.0, NEAR, FAR] {
-        // A desk is not split.
         assert!(!dynamic(DESK, INSIDE, z, Some(0.5)));
         assert!(!dynamic(DESK, INSIDE, z, None));
-        // Without D nothing is.
+        // Without D no box is.
         for parts in ["O+G", "O"] {
             let config = config(parts);
             let dynamic = |weight, d| verdict(&config, weight, INSIDE, z, d).dynamic;
@@ -156,7 +153,7 @@ fn of_overlapping_boxes_the_heaviest_counts_whose_object_it_may_be() {
     };
     let judge =
         |boxes: &[SplitBox<'_>], z, d| decide(&config("O+G+D"), INSIDE, z, d, boxes).dynamic;
-    // Weight 5 and not 3 or 1, in any order.
+    // The box of weight 5 decides, in any order.
     for boxes in [
         [split(&person, None), split(&desk, None)],
         [split(&desk, None), split(&person, None)],
@@ -164,10 +161,10 @@ fn of_overlapping_boxes_the_heaviest_counts_whose_object_it_may_be() {
         assert!(judge(&boxes, FAR, Some(0.3)));
     }
     assert!(!judge(&[split(&desk, None)], FAR, Some(0.3)));
-    // Behind the person it may still be the chair, which then decides.
+    // Behind the person but possibly on the chair, which then decides.
     let boxes = [split(&person, Some(2.0)), split(&chair, Some(4.0))];
     assert!(judge(&boxes, FAR, Some(0.0)));
-    // Behind both it is background, by the weight of the heavier.
+    // Behind both it is background, with the weight of the heavier.
     let boxes = [split(&person, Some(2.0)), split(&chair, Some(2.5))];
     assert!(!judge(&boxes, FAR, Some(0.1)));
     assert!(judge(&boxes, FAR, Some(0.3)));
@@ -183,7 +180,7 @@ fn the_guard_releases_light_things_background_and_what_is_near_its_line_first() 
     assert!(risk(PERSON, NEAR, 0.5) < risk(PERSON, NEAR, 2.0));
 }
 
-/// A frame in which all stands still but the features of the box, half of which are at each of two depths.
+/// A static frame, except for the features of the box, half at each of two depths.
 fn judged(config: &StaticFilterConfig, depths: [f32; 2], weight: f64) -> Vec<bool> {
     let camera = Camera::pinhole(320, 240, [260.0, 260.0, 159.5, 119.5]);
     let features: Vec<[f32; 2]> = (0..40)
@@ -237,11 +234,11 @@ fn a_box_is_split_where_it_holds_two_depths() {
         };
         let found = judged(&config, [NEAR, FAR], PERSON);
         let near = (0..40).step_by(2).filter(|i| !found[*i]).count();
-        // The threshold is the mean of what supports it, so that some of the background is beyond it, and nothing of the person.
+        // The threshold is the mean depth of its supporters, so part of the background lies beyond it, and none of the
+        // person.
         let far = (1..40).step_by(2).filter(|i| !found[*i]).count();
         assert_eq!(near, 0, "{preset:?}");
         assert!(far >= 10, "{preset:?}: {far}");
-        // A desk stands still as far as the camera can tell.
         assert!(judged(&config, [NEAR, FAR], DESK).iter().all(|d| !d));
     }
 }
@@ -257,6 +254,6 @@ fn as_published_a_box_of_one_depth_is_split_too() {
         found.iter().filter(|dynamic| !**dynamic).count()
     };
     assert!(kept(Preset::Paper) >= 10, "{}", kept(Preset::Paper));
-    // Ours takes the box to be the object.
+    // Preset `adapted` treats the box as the object.
     assert_eq!(kept(Preset::Adapted), 0);
 }

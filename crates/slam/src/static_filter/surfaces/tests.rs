@@ -1,4 +1,4 @@
-//! A wall and a person of cells, frame by frame.
+//! Frame sequences of a wall and a person, in cells.
 
 use super::super::history::{CapturePose, Spent};
 use super::super::rigid::Vote;
@@ -11,7 +11,7 @@ use stillpoint_geometry::Camera;
 use stillpoint_imaging::{DepthImage, FrameId};
 use stillpoint_map::KeyframeId;
 
-/// A camera that stands still before a wall at 3 m, with a person of 8 x 20 cells at 1.5 m in front of it.
+/// A static camera in front of a wall at 3 m, with a person of 8 x 20 cells at 1.5 m.
 struct World {
     cells: Cells,
     history: History,
@@ -20,7 +20,6 @@ struct World {
     memory: Memory,
     spent: Spent,
     frame: u32,
-    /// Cells without depth from now on.
     holes: fn(usize) -> bool,
 }
 
@@ -51,7 +50,7 @@ impl World {
         self.step_in_doubt(column, movers, votes, 1.0);
     }
 
-    /// The same with flow of a frame whose own motion is known so far.
+    /// Likewise with this certainty of the flow.
     fn step_in_doubt(
         &mut self,
         column: Option<usize>,
@@ -106,7 +105,7 @@ impl World {
         self.frame += 1;
     }
 
-    /// Share of the cells that move, of the person and of the wall.
+    /// Shares of moving cells of the person and of the wall.
     fn moving(&self, column: usize) -> (f64, f64) {
         let share = |of_person: bool| {
             let cells: Vec<usize> = (0..self.cells.count())
@@ -147,7 +146,7 @@ fn who_walks_in_moves_and_the_wall_does_not() {
     let (person, wall) = world.moving(12);
     assert!(person > 0.95, "{person}");
     assert!(wall < 0.01, "{wall}");
-    // The very first frame knows nothing, and says so.
+    // The first frame has no evidence.
     let mut blank = World::new();
     blank.step(Some(12), &[], &[]);
     assert_eq!(blank.moving(12), (0.0, 0.0));
@@ -164,12 +163,12 @@ fn who_stops_is_suspected_for_seconds() {
         let (person, wall) = world.moving(12);
         assert!(person > 0.95 && wall < 0.05, "frame {i}: {person} {wall}");
     }
-    // But not forever: the free space that he took and the memory both run out.
+    // Suspicion ends: free space of the stopped person and memory both expire.
     for _ in 0..300 {
         world.step(Some(12), &[], &[]);
     }
     assert_eq!(world.moving(12), (0.0, 0.0));
-    // Control: who has stood there from the start is not.
+    // Control: a person static from the start is not suspected.
     let mut world = World::new();
     for _ in 0..100 {
         world.step(Some(12), &[], &[]);
@@ -183,7 +182,7 @@ fn objects_count_for_now_and_leave_no_trace() {
     for _ in 0..60 {
         world.step(Some(12), &[], &[]);
     }
-    // What has stood still for two seconds is not moved by a box.
+    // After two seconds of rest a box does not make a surface moving.
     assert!(world.moving(12).0.abs() < f64::EPSILON);
     let motion = world.surfaces.motion.clone();
     world.step(Some(12), &[mover(2.5)], &[]);
@@ -192,13 +191,13 @@ fn objects_count_for_now_and_leave_no_trace() {
     for (a, b) in motion.iter().zip(&world.surfaces.motion) {
         assert!((a - b).abs() < 0.5);
     }
-    // Of a new scene nothing is known: the box decides, for the person in it alone.
+    // In a new scene the box decides, for the person in it alone.
     let mut world = World::new();
     world.step(Some(12), &[mover(2.5)], &[]);
     let (person, wall) = world.moving(12);
     assert!(person > 0.9 && wall.abs() < f64::EPSILON, "{person} {wall}");
     assert!(world.surfaces.motion.iter().all(|m| m.abs() < f32::EPSILON));
-    // Two boxes are no more than the stronger of them.
+    // Two boxes count as the stronger one.
     let odds = world.surfaces.odds.clone();
     let mut twice = World::new();
     twice.step(Some(12), &[mover(2.5), mover(1.0)], &[]);
@@ -207,7 +206,7 @@ fn objects_count_for_now_and_leave_no_trace() {
 
 #[test]
 fn flow_overrules_depths_that_agree() {
-    // A smooth body that slides along itself: its depths are those of before.
+    // A smooth body that slides along itself: its depths do not change.
     let sliding: Vec<Vote> = (0..1200)
         .filter(|c| c % 3 == 0)
         .map(|cell| Vote {
@@ -235,7 +234,7 @@ fn who_goes_on_after_standing_for_long_moves_at_once() {
         world.step(Some(12), &[], &[]);
     }
     assert!(world.surfaces.odds[15 * 40 + 16] < 0.0);
-    // He turns on the spot: depths stay as they are, and only flow tells.
+    // The person turns on the spot: depths do not change, only flow shows it.
     let votes: Vec<Vote> = (0..world.cells.count())
         .map(|cell| Vote {
             cell,
@@ -273,7 +272,7 @@ fn flow_of_a_frame_in_doubt_moves_nothing() {
             moving: person(cell, 12),
         })
         .collect();
-    // What stood still goes on doing so, and what was never seen before is not taken to move.
+    // Static surfaces stay static, and new ones do not count as moving.
     for known in [30, 0] {
         let judged = |certainty: f32| {
             let mut world = World::new();
@@ -283,7 +282,7 @@ fn flow_of_a_frame_in_doubt_moves_nothing() {
             world.step_in_doubt(Some(12), &[], &votes, certainty);
             world.moving(12).0
         };
-        // Control: the same flow of a frame whose motion is known.
+        // Control: the same flow with a known camera motion.
         assert!(judged(1.0) > 0.9, "{known}");
         assert!(judged(0.2).abs() < f64::EPSILON, "{known}");
     }
@@ -296,7 +295,7 @@ fn a_hole_shows_for_a_moment_what_was_there_before() {
         world.step((i >= 30).then(|| 8 + (i - 30) / 2), &[], &[]);
     }
     world.step(Some(12), &[], &[]);
-    // Nothing of him has a depth any more, nor has the wall around him.
+    // Neither the person nor the wall around has depth.
     world.holes = |cell| (3..30).contains(&(cell / 40));
     for i in 0..12 {
         world.step(Some(12), &[], &[]);
@@ -308,7 +307,7 @@ fn a_hole_shows_for_a_moment_what_was_there_before() {
         assert_eq!(person > 0.95, seen, "frame {i}: {person}");
         assert!(seen || person == 0.0, "frame {i}: {person}");
         assert!(wall < 0.01, "frame {i}: {wall}");
-        // What is masked is what has a depth now: where he was he may be no more.
+        // Only cells with depth are masked.
         let labels = &world.surfaces.regions;
         let masks =
             |hole: bool| (0..labels.len()).any(|c| labels[c] > 0 && (world.holes)(c) == hole);
@@ -320,7 +319,7 @@ fn a_hole_shows_for_a_moment_what_was_there_before() {
 
 #[test]
 fn holes_that_come_and_go_do_not_make_forget_who_moved() {
-    // Nothing speaks for it but that he turned on the spot before: nobody ever saw the wall behind him.
+    // The only evidence is that the person turned on the spot before; the wall behind was never seen.
     let suspected = |holes: fn(usize) -> bool| {
         let mut world = World::new();
         let all: Vec<Vote> = (0..world.cells.count())

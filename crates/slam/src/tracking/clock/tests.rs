@@ -3,7 +3,7 @@ use proptest::prelude::*;
 
 const PERIOD: f64 = 1.0 / 30.0;
 
-/// Stamps as USB gives them: what was taken at a steady rate arrives at the next multiple of 4 ms, and later in turn.
+/// Stamps after USB polling: steady exposures arrive at the next multiple of 4 ms, with varying delay.
 fn stamped(n: usize) -> f64 {
     let taken = 10.0 + PERIOD * n as f64;
     (taken / 0.004).ceil() * 0.004 + [0.0, 0.004, 0.0, 0.0, 0.006][n % 5]
@@ -96,7 +96,7 @@ fn backwards_the_same_line_holds() {
 }
 
 proptest! {
-    /// Whatever the stamps are: times are near them, and none is not a number.
+    /// For any stamps, times are finite and near them.
     #[test]
     fn times_are_near_stamps(gaps in prop::collection::vec(-0.2..0.2f64, 1..80)) {
         let mut at = 100.0;

@@ -12,7 +12,7 @@ use stillpoint_geometry::{Vec3, so3};
 use stillpoint_imaging::{FrameId, Simd};
 use stillpoint_map::KeyframeId;
 
-/// A tracker that has a pose at the origin in a first frame, and what it sees in the second.
+/// A tracker with a pose at the origin in the first frame, and the data of the second.
 fn second_frame(
     first: RgbdFrame,
     second: RgbdFrame,
@@ -27,7 +27,7 @@ fn second_frame(
     (tracker, data)
 }
 
-/// By how much pairs are off where they are if the camera moved to the side by so many px, for the features in these columns, px.
+/// Deviation of pairs, px, from a shift by this many px sideways, for features in these columns.
 fn off(data: &KeyframeData, pairs: &[Option<FlowPair>], shift: f64, columns: [f32; 2]) -> Vec<f64> {
     let of = |(k, pair): (&stillpoint_features::Keypoint, &Option<FlowPair>)| {
         let pair = pair
@@ -65,7 +65,7 @@ fn there_is_no_flow_without_a_frame_before() {
 /// Repetition of the right half of a wall, px.
 const PERIOD: usize = 10;
 
-/// A wall that repeats itself but for its left fifth.
+/// A repetitive wall, except for its left fifth.
 fn repeated(x: usize, y: usize) -> u8 {
     if x < WALL[0] / 5 + PERIOD {
         return blocks(1, x, y);
@@ -74,7 +74,8 @@ fn repeated(x: usize, y: usize) -> u8 {
     blocks(2, 4 * column, y)
 }
 
-/// Right after the flow the pattern seems to have stood still; looked at again from where it should be, it has moved by one repetition as all the rest.
+/// At first the pattern seems static; searched again from the predicted position, it has moved by one period like the
+/// rest.
 #[test]
 fn what_looks_like_its_neighbour_is_found_where_a_wall_that_stands_still_has_it() {
     let shown = |id, shift| wall(id, move |x, y| repeated(x + shift, y));
@@ -95,7 +96,7 @@ fn what_looks_like_its_neighbour_is_found_where_a_wall_that_stands_still_has_it(
 
 #[test]
 fn what_moves_still_moves_when_it_is_looked_at_again() {
-    // A board is carried along with the camera, 6 px aside.
+    // A board moves with the camera, 6 px off.
     let board = |x: usize, y: usize| (60..140).contains(&x) && (60..180).contains(&y);
     let shown = |id, shift| {
         wall(id, move |x, y| {
@@ -125,7 +126,7 @@ fn what_moves_still_moves_when_it_is_looked_at_again() {
     assert!(share(&rest, |e| e < 0.3) > 0.95, "{rest:?}");
 }
 
-/// A camera that turns by 1 rad/s while its rows are read within 20 ms: over the height of the image the columns lean by 0.02 rad of 260 px.
+/// A camera that rotates by 1 rad/s with a readout of 20 ms: over the image height columns lean by 0.02 rad of 260 px.
 #[test]
 fn pairs_are_brought_to_the_stamps_of_their_frames() {
     let shown = |id| wall(id, |x, y| blocks(1, x, y));
@@ -231,7 +232,7 @@ fn without_flow_rows_are_learned_from_landmarks_that_both_frames_see() {
     };
     let rows = seen_twice(&last, &solution);
     assert_eq!(rows.len(), 2);
-    // The same points from the same place.
+    // The same points from the same pose.
     for (row, number) in rows.iter().zip([2, 0]) {
         let seen = see_points([number], &camera)[0];
         let [x, y] = seen.pixel.map(f64::from);
@@ -252,7 +253,7 @@ fn guesses_are_corrected_by_the_median() {
     };
     let mut memory = FlowMemory {
         expected: vec![[10.0, 0.0]; 5],
-        // Somebody walks to the right; one is not found.
+        // One feature lies on a walking person; one is not found.
         found: vec![found(12.0), None, found(12.5), found(40.0), found(11.5)],
         ..FlowMemory::default()
     };
@@ -261,7 +262,7 @@ fn guesses_are_corrected_by_the_median() {
     assert_eq!(memory.middle_off(), [0.0; 2]);
 }
 
-/// A hand that accelerates: all is where no guess expects it, and found although it is looked for near the guess alone.
+/// An acceleration puts all features far from their predictions; all are found although most are only searched nearby.
 #[test]
 fn a_jolt_takes_no_feature() {
     let shown = |id, shift| wall(id, move |x, y| blocks(1, x + shift, y));

@@ -4,7 +4,7 @@ use super::*;
 use crate::synthetic::{World, at, camera, data, point, see_points};
 use std::collections::BTreeMap;
 
-/// Levels' sigmas as the front end has them.
+/// Level sigmas as in the front end.
 const SIGMAS: [f32; 8] = [1.0, 1.2, 1.44, 1.728, 2.074, 2.488, 2.986, 3.583];
 const AREA: SearchArea<'_> = SearchArea {
     bounds: [0.0, 0.0, 639.0, 479.0],
@@ -12,7 +12,7 @@ const AREA: SearchArea<'_> = SearchArea {
     radius_px: LOCAL_RADIUS,
 };
 
-/// Three keyframes in a row, of which each shares points with the next, and one far off.
+/// Three keyframes in a row, each sharing points with the next, and a distant one.
 fn world() -> World {
     let mut world = World::new();
     world.add(0, None, at(0.0, 0.0, 0.0), 0..40);
@@ -22,7 +22,7 @@ fn world() -> World {
     world
 }
 
-/// Matches of so many features, of which the first see these points.
+/// Matches of `features` features, the first of which match these points.
 fn matches(world: &World, features: usize, numbers: impl Iterator<Item = usize>) -> Matches {
     let mut matches = Matches::new(features);
     for (slot, number) in matches.targets.iter_mut().zip(numbers) {
@@ -46,12 +46,13 @@ fn the_reference_is_the_keyframe_that_shares_most_and_its_neighbours_are_around(
     let mut world = world();
     let view = world.map.publish();
     let mut local = LocalMap::default();
-    // 5 of keyframe 0, 25 of keyframe 1 alone, none of keyframe 2: that one is a neighbour of keyframe 1. Keyframe 3 is a neighbour of no one here.
+    // 5 of keyframe 0, 25 of keyframe 1 alone, none of keyframe 2, which is a neighbour of keyframe 1. Keyframe 3 is a
+    // neighbour of neither.
     let seen = matches(&world, 60, 35..60);
     let reference = local.update(&view, KeyframeId(0), &seen);
     assert_eq!(reference, KeyframeId(1));
     assert_eq!(chosen(&local), [0, 1, 2]);
-    // Every landmark once, however many keyframes see it.
+    // Each landmark appears once, although several keyframes see it.
     let mut ids: Vec<LandmarkId> = local.entries.iter().map(|e| e.id).collect();
     assert_eq!(ids.len(), 100);
     ids.sort_unstable();
@@ -75,7 +76,7 @@ fn without_matches_the_reference_stays() {
     let view = alone.map.publish();
     let reference = local.update(&view, KeyframeId(0), &Matches::new(10));
     assert_eq!((reference, chosen(&local)), (KeyframeId(0), vec![0]));
-    // A keyframe that is gone is as good as none.
+    // A missing keyframe adds nothing.
     let reference = local.update(&view, KeyframeId(9), &Matches::new(10));
     assert_eq!((reference, local.entries.len()), (KeyframeId(9), 0));
 }
@@ -120,7 +121,7 @@ fn around_a_place_are_keyframes_of_its_submap_that_are_near_and_look_there() {
     assert_eq!((chosen(&local), local.entries.len()), (vec![], 0));
 }
 
-/// A local map of a keyframe at the origin that sees so many points.
+/// A local map of a keyframe at the origin with `count` points.
 fn local(count: usize) -> (World, LocalMap) {
     let mut world = World::new();
     world.add(0, None, at(0.0, 0.0, 0.0), 0..count);
@@ -133,13 +134,12 @@ fn local(count: usize) -> (World, LocalMap) {
 #[test]
 fn landmarks_are_found_where_they_project_and_the_others_are_looked_at() {
     let (world, mut local) = local(60);
-    // Points 0 to 9 are matched already, 50 to 59 show no feature.
+    // Points 0 to 9 are matched already, 50 to 59 have no feature.
     let camera = at(0.05, 0.02, -0.1);
     let seen = data(&see_points(0..50, &camera));
     let mut found = matches(&world, 50, 0..10);
     let mut noted: BTreeMap<LandmarkId, Sight> = BTreeMap::new();
     let pose = camera.inverse();
-    // 1 px off: in the windows.
     let rough = at(0.004, 0.0, 0.0) * pose;
     let sight = |p: &Vec3| {
         if p.x > 0.0 {
@@ -173,7 +173,7 @@ fn a_pose_that_is_far_off_finds_nothing_and_looks_at_all() {
     let camera = at(0.0, 0.0, 0.0);
     let seen = data(&see_points(0..60, &camera));
     let mut found = Matches::new(60);
-    // 20 px at 2.5 m, beside windows of 5 px.
+    // 20 px at 2.5 m, outside windows of 5 px.
     let off = at(0.1, 0.0, 0.0);
     let mut looked = 0;
     let search = local.search(
@@ -190,7 +190,7 @@ fn a_pose_that_is_far_off_finds_nothing_and_looks_at_all() {
     assert_eq!(looked, search.visible - found.count as u32);
 }
 
-/// Landmarks that were seen at level 0, from 2 to 3 m before them.
+/// Landmarks observed at level 0, from 2 to 3 m away.
 #[test]
 fn what_cannot_be_recognised_from_here_is_not_expected() {
     let (_, mut local) = local(60);
@@ -214,10 +214,10 @@ fn what_cannot_be_recognised_from_here_is_not_expected() {
         pose
     };
     assert_eq!(visible(at(0.0, 0.0, 0.0)), 60);
-    // On the finest level they look the same from 1.2 times as far, and smaller than that from farther.
+    // On the finest level they are searched up to 1.2 times the distance.
     assert_eq!(visible(at(0.0, 0.0, -0.4)), 60);
     assert_eq!(visible(at(0.0, 0.0, -2.0)), 0);
-    // Behind the camera, and out of the image.
+    // Behind the camera, and outside the image.
     assert_eq!(visible(at(0.0, 0.0, 4.0)), 0);
     assert_eq!(visible(turned(at(0.0, 0.0, 0.0), 1.5)), 0);
     // From 40 and from 80 degrees aside.
@@ -228,6 +228,5 @@ fn what_cannot_be_recognised_from_here_is_not_expected() {
     };
     assert!(visible(aside(40.0)) > 40);
     assert!(visible(aside(80.0)) < 10);
-    // The camera is that of the frame.
     assert_eq!(camera().width, 640);
 }

@@ -4,20 +4,19 @@ use stillpoint_estimation::{Purpose, Rng, rng};
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::Simd;
 
-/// A camera on a line that is followed by measurements of its place.
+/// A camera on a path, tracked by position measurements.
 struct Followed {
     momentum: Momentum,
     at: Vec3,
-    /// Standard deviations of its measurements, m.
+    /// Standard deviations of the measurements, m.
     noise: [f64; 3],
 }
 
-/// Standard deviations of a measurement, m: at rest, and in a fast turn, where hardly anything is known along x.
+/// Standard deviations of a measurement, m: at rest, and in a fast turn, where x is hardly observable.
 const CALM: [f64; 3] = [0.003; 3];
 const TURN: [f64; 3] = [0.02, 0.003, 0.003];
 const DT: f64 = 1.0 / 30.0;
 
-/// A number from a normal distribution, nearly.
 fn normal(random: &mut Rng) -> f64 {
     (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
 }
@@ -31,12 +30,11 @@ impl Followed {
         }
     }
 
-    /// What is measured of a place.
+    /// A noisy measurement of a position.
     fn seen(&self, place: &Vec3, random: &mut Rng) -> Vec3 {
         place + Vec3::from(self.noise.map(|s| s * normal(random)))
     }
 
-    /// Takes a measurement with all that is expected.
     fn measure(&mut self, place: &Vec3, tells: bool) {
         let expected = self.momentum.expect(DT);
         let weight = Mat3::from_diagonal(&Vec3::from(self.noise.map(|s| 1.0 / (s * s))));
@@ -48,7 +46,8 @@ impl Followed {
         self.momentum = expected.found(&off, Some(covariance), tells);
     }
 
-    /// Follows a path for `frames` frames. Returns the sum of its squared errors and of those of the measurements along x, m^2, over the second half.
+    /// Tracks a path for `frames` frames. Returns the sum of squared errors of the estimates and of the measurements
+    /// along x, m^2, over the second half.
     fn follow(
         &mut self,
         path: impl Fn(f64) -> Vec3,
@@ -72,12 +71,12 @@ impl Followed {
     }
 }
 
-/// As a hand moves a camera: half a metre per second to and fro, with up to 1.2 m/s^2.
+/// Hand-held motion: half a metre per second back and forth, with up to 1.2 m/s^2.
 fn by_hand(t: f64) -> Vec3 {
     Vec3::new(0.2 * libm::sin(2.4 * t), 0.1 * libm::sin(1.7 * t), 0.0)
 }
 
-/// As something that jolts does: up to 9 m/s^2 along x.
+/// Jolting motion: up to 9 m/s^2 along x.
 fn jolting(t: f64) -> Vec3 {
     Vec3::new(0.03 * libm::sin(17.0 * t), 0.0, 0.0)
 }
@@ -107,7 +106,7 @@ fn jolts_are_learnt_and_forgotten_again() {
         let mut camera = Followed::new(CALM);
         let [held, measured] = camera.follow(jolting, 90, true, &mut random(seed));
         learnt += camera.momentum.acceleration / 50.0;
-        // Control: a camera of which nothing is learnt lags behind.
+        // Control: without learning the estimate lags behind.
         let mut other = Followed::new(CALM);
         let [lags, _] = other.follow(jolting, 90, false, &mut random(seed));
         assert_eq!(other.momentum.acceleration, ACCELERATION);
@@ -164,7 +163,7 @@ fn backwards_it_goes_where_it_came_from() {
     let (there, back) = (camera.momentum, camera.momentum.reversed());
     assert_eq!(there.expect(DT).shift, -back.expect(DT).shift);
     assert_eq!(back.reversed().cross, there.cross);
-    // Where time stands still nothing is expected, and nothing is lost.
+    // A prediction over zero time changes nothing.
     let still = there.expect(0.0);
     assert_eq!(still.shift, Vec3::zeros());
     assert_eq!(
@@ -173,7 +172,7 @@ fn backwards_it_goes_where_it_came_from() {
     );
 }
 
-/// Control: a tracker that has just begun, and does not go back.
+/// Control: a tracker that has just started, and does not track backwards.
 #[test]
 fn a_way_back_knows_the_momentum_from_the_start_and_leans_on_it_no_more_in_a_crowd() {
     let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);

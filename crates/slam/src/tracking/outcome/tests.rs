@@ -20,12 +20,11 @@ fn world() -> World {
     world
 }
 
-/// The frame with a number, which shows nothing.
 fn frame(id: u32) -> RgbdFrame {
     wall(id, |_, _| 0)
 }
 
-/// A tracker that had a pose at the origin in frame 0 and has taken frame 1, as far as its clock is concerned.
+/// A tracker with a pose at the origin in frame 0, whose clock has frame 1.
 fn tracker(world: &mut World) -> Tracker {
     let tracker = Tracker::new(Config::default(), camera(), Simd::detect());
     let mut tracker = tracker.in_map(world.map.publish(), true);
@@ -45,7 +44,7 @@ fn tracker(world: &mut World) -> Tracker {
     tracker
 }
 
-/// A pose from which some points of keyframe 1 are seen.
+/// A pose that sees some points of keyframe 1.
 fn solution(world: &World) -> Solution {
     let camera = at(0.5, 0.1, 0.0);
     Solution {
@@ -66,7 +65,7 @@ fn notes() -> Notes {
     notes
 }
 
-/// No frame becomes a keyframe, whatever the rule.
+/// A read-only map, so that no frame becomes a keyframe.
 fn without_keyframes(world: &mut World) -> Tracker {
     let mut tracker = tracker(world);
     tracker.map.grows = false;
@@ -102,11 +101,10 @@ fn a_pose_is_written_down_relative_to_its_reference_and_followed() {
         [0.5, 0.1, 0.0]
     ));
     assert_eq!(ending.place.unwrap().anchored, pose);
-    // When the map is corrected, it follows.
+    // It follows corrections of the map.
     world.map.set_pose(KeyframeId(1), at(1.3, 0.0, 0.0));
     let moved = pose.world_from_camera_in(&world.map.publish()).unwrap();
     assert!(near(moved.translation, [1.5, 0.1, 0.0]));
-    // The next frame starts from here.
     let last = tracker.state.tracked().unwrap();
     assert!(Arc::ptr_eq(&last.data, &seen));
     assert_eq!((&last.matches, last.pose), (&matches, pose));
@@ -178,7 +176,7 @@ fn a_keyframe_that_is_wanted_is_made_of_what_was_seen() {
     let (data, matches) = (Arc::clone(&seen.data), seen.matches.clone());
     let ending = tracker.accept(&frame(1), seen, &notes());
     let keyframe = ending.keyframe.unwrap();
-    // Ids count on from those of the map that was there.
+    // Ids continue after those of the existing map.
     assert_eq!(keyframe.id, KeyframeId(11));
     assert_eq!(keyframe.reference, Some(KeyframeId(1)));
     assert!(near(
@@ -191,7 +189,7 @@ fn a_keyframe_that_is_wanted_is_made_of_what_was_seen() {
         !Arc::ptr_eq(&keyframe.data, &data),
         "the frame's memory is free again"
     );
-    // What was handed over starts anew, and what was wanted is done.
+    // Statistics restart after a keyframe, and the request is cleared.
     assert!(!tracker.keyframes.wanted);
     assert!(tracker.keyframes.since.statistics.take().is_empty());
     let entry = tracker.trajectory.entries().last().unwrap();
@@ -245,7 +243,7 @@ fn a_carried_pose_is_followed_and_makes_no_keyframe() {
     assert!(tracker.state.velocity().is_some());
 }
 
-/// A frame of a wall from farther aside each time, or of a covered lens.
+/// A frame of a wall from a camera moving sideways, or of a covered lens.
 fn shown(id: u32, covered: bool) -> Arc<RgbdFrame> {
     let grey = |x, y| blocks(1, x + 2 * id as usize, y);
     Arc::new(if covered { frame(id) } else { wall(id, grey) })
@@ -257,7 +255,7 @@ fn whole_frames_begin_a_map_are_tracked_lost_and_found() {
     let mut track = |id, covered| tracker.track(&shown(id, covered));
     let began = track(0, false);
     assert_eq!(began.report.outcome, Outcome::Initialised);
-    // Its keyframe waits for the next frame, which tells how the camera moved.
+    // The keyframe waits for the next frame, which gives the velocity.
     assert!(began.keyframe.is_none() && !began.report.verdicts.is_empty());
     let next = track(1, false);
     assert_eq!(next.report.outcome, Outcome::Tracked);

@@ -11,7 +11,7 @@ use stillpoint_geometry::{Se3, Vec3, so3};
 use stillpoint_imaging::{FrameId, Simd};
 use stillpoint_map::SubmapId;
 
-/// A tracker in a map, and a frame that shows nothing.
+/// A tracker in a map, and a frame without features.
 fn tracker(world: &mut World) -> (Tracker, RgbdFrame) {
     let tracker = Tracker::new(Config::default(), camera(), Simd::detect());
     (
@@ -20,7 +20,7 @@ fn tracker(world: &mut World) -> (Tracker, RgbdFrame) {
     )
 }
 
-/// A keyframe with 100 points, and another place with others.
+/// A keyframe with 100 points, and another with others.
 fn world() -> World {
     let mut world = World::new();
     world.add(0, None, at(0.0, 0.0, 0.0), 0..100);
@@ -28,7 +28,7 @@ fn world() -> World {
     world
 }
 
-/// A camera that is far from where the keyframe was.
+/// A camera pose different from the keyframe's.
 fn elsewhere() -> Se3 {
     let mut pose = at(0.4, -0.2, -0.3);
     pose.rotation = so3::exp(&Vec3::new(0.05, -0.15, 0.1));
@@ -71,7 +71,7 @@ fn no_pose_is_found_where_nothing_looks_alike_or_nothing_fits() {
     let keyframe = view.keyframe(KeyframeId(0)).unwrap();
     let strange = data(&see_points(300..400, &elsewhere()));
     assert!(tracker.find_at(&frame, &strange, keyframe).is_none());
-    // Each looks like a point of the keyframe and is where another one would be.
+    // Each looks like a point of the keyframe but is at another one's position.
     let seen: Vec<_> = (0..100)
         .map(|n| see(&point(n + 500), n, &elsewhere()))
         .collect();
@@ -93,7 +93,7 @@ fn keyframes_that_look_alike_are_recognised_where_the_view_holds_them() {
             .vector_of(&k.data.descriptors, |i| k.data.mappable[i]);
         places.index.insert(k.id, Arc::new(vector));
     }
-    // One that the loop closer knows and this view does not.
+    // A keyframe that the loop closer knows and this view does not.
     let vector = places.vocabulary.vector_of(&seen.descriptors, |_| true);
     places.index.insert(KeyframeId(30), Arc::new(vector));
     assert_eq!(tracker.recognise(&seen).first(), Some(&KeyframeId(0)));
@@ -102,7 +102,6 @@ fn keyframes_that_look_alike_are_recognised_where_the_view_holds_them() {
     assert_eq!(tracker.recognise(&other).first(), Some(&KeyframeId(1)));
 }
 
-/// A frame with a pose 0.1 s before the end of a second.
 fn last(x: f64) -> LastFrame {
     let pose = at(x, 0.0, 0.0);
     LastFrame {
@@ -155,7 +154,7 @@ fn a_pose_is_believed_where_the_camera_can_be_and_enough_agrees() {
     let view = Arc::clone(&tracker.map.view);
     let own = view.keyframe(KeyframeId(0)).unwrap();
     let other = view.keyframe(KeyframeId(9)).unwrap();
-    // As many as in a camera that was never anywhere: 50 inliers, and a tenth of what should be seen.
+    // Without a last pose: 50 inliers, and a tenth of the visible landmarks.
     for (inliers, visible, fine) in [
         (50, 500, true),
         (49, 100, false),
@@ -166,7 +165,7 @@ fn a_pose_is_believed_where_the_camera_can_be_and_enough_agrees() {
         assert_eq!(believed, fine, "{inliers} of {visible}");
     }
     lose(&mut tracker);
-    // Half a metre at once and 3 m/s, for a second: then it may be anywhere, and before that in no other submap.
+    // Half a metre at once and 3 m/s, for a second: then it may be anywhere, and in another submap.
     for (seconds, moved, keyframe, fine) in [
         (0.0, 0.45, own, true),
         (0.0, 0.55, own, false),
@@ -180,7 +179,6 @@ fn a_pose_is_believed_where_the_camera_can_be_and_enough_agrees() {
         let enough = notes(100, 200);
         let believed = tracker.is_plausible(stamp, keyframe, &solution(moved), &enough);
         assert_eq!(believed, fine, "{moved} m after {seconds} s");
-        // However long ago, too few stay too few.
         let few = notes(49, 200);
         assert!(!tracker.is_plausible(stamp, keyframe, &solution(moved), &few));
     }
@@ -198,7 +196,7 @@ fn a_submap_is_due_after_a_second_of_frames_that_show_enough() {
         notes.counts.with_depth = with_depth;
         tracker.is_submap_due(stamp, &notes)
     };
-    // A covered lens says nothing of where the camera is.
+    // A covered lens does not count.
     for _ in 0..100 {
         assert!(!shows(&mut tracker, 5.0, enough - 1));
     }
@@ -206,18 +204,18 @@ fn a_submap_is_due_after_a_second_of_frames_that_show_enough() {
         assert!(!shows(&mut tracker, 5.0, enough));
     }
     assert!(shows(&mut tracker, 5.0, enough));
-    // Where there are others, they have half a second to be recognised once the camera can be there.
+    // With other submaps, half a second more is given to recognise them.
     assert!(shows(&mut tracker, 1.0, enough));
     world.add(9, None, at(0.0, 0.0, 0.0), 0..50);
     tracker.map.view = world.map.publish();
     assert!(!shows(&mut tracker, 0.9 + 1.49, enough));
     assert!(shows(&mut tracker, 0.9 + 1.51, enough));
-    // A map that is only read gets none.
+    // A read-only map gets no submap.
     tracker.map.grows = false;
     assert!(!shows(&mut tracker, 5.0, enough));
 }
 
-/// Whole frames of a wall: a map of it is made, and a camera that is switched on in that map is found, or not.
+/// Builds a map of a wall; a camera started in that map is relocalised at this wall and not at another.
 #[test]
 fn a_camera_is_found_at_the_wall_that_it_knows_and_not_at_another() {
     use crate::report::Outcome;

@@ -6,7 +6,7 @@ fn camera() -> Camera {
     Camera::pinhole(640, 480, [520.0, 520.0, 319.5, 239.5])
 }
 
-/// Pose and velocity of a camera whose turning about an axis changes, at a time.
+/// Pose and velocity of a camera with changing rotation about an axis.
 struct Path {
     /// Twist per second at time 0, and its change per second.
     velocity: Vec6,
@@ -14,7 +14,7 @@ struct Path {
 }
 
 impl Path {
-    /// Motion from the camera at time 0: exact while axis of turning and of its change are one.
+    /// Motion from the camera at time 0: exact if velocity and change have the same axis.
     fn camera_from_start(&self, t: f64) -> Se3 {
         Se3::exp(&(self.velocity * t + self.change * (0.5 * t * t)))
     }
@@ -23,7 +23,7 @@ impl Path {
         self.velocity + self.change * t
     }
 
-    /// Where a point (m, camera at time 0) is exposed in the frame stamped `stamp`: pixel and row.
+    /// Pixel and row at which a point (m, camera at time 0) is exposed in the frame stamped `stamp`.
     fn exposed(&self, p: &Vec3, stamp: f64, readout: f64) -> (Vec2, f64) {
         let camera = camera();
         let mut late = 0.0;
@@ -36,7 +36,7 @@ impl Path {
         (pixel, pixel.y)
     }
 
-    /// What stands still in the frames before and at the stamp `t`, exactly.
+    /// Exact static points in the frame before and at stamp `t`.
     fn between(&self, t: f64, readout: f64) -> Between {
         let stamps = [t - DT, t];
         let mut pairs = Vec::new();
@@ -65,7 +65,7 @@ impl Path {
     }
 }
 
-/// Yaw that swings, as a head does: up to 2 rad/s, with 1.5 Hz.
+/// Oscillating yaw, as of a head: up to 2 rad/s, with 1.5 Hz.
 fn swinging(t: f64) -> Path {
     let w = 3.0 * std::f64::consts::PI;
     Path {
@@ -82,7 +82,7 @@ fn start(readout: f64) -> SelfCalibration {
     })
 }
 
-/// Lets as many frames pass as something is learned from.
+/// Passes as many frames as are needed to learn once.
 fn pass(
     estimate: &mut SelfCalibration,
     path: &Path,
@@ -100,7 +100,7 @@ fn pass(
 fn learn_swinging(truth: f64, from: f64) -> SelfCalibration {
     let mut estimate = start(from);
     for i in 0..30 {
-        // Each moment has a path of its own, which is exact around it.
+        // Each start time has its own local path.
         pass(&mut estimate, &swinging(0.07 * f64::from(i)), truth, |_| ());
     }
     estimate
@@ -118,7 +118,7 @@ fn what_swings_tells_the_readout_wherever_the_estimate_starts() {
     }
 }
 
-/// Velocities are wrong while it is not known who moves, and the readout with them.
+/// Velocities are wrong while it is undecided which surfaces move, and with them the readout.
 #[test]
 fn what_was_learned_wrongly_is_forgotten() {
     let mut estimate = start(0.0);
@@ -134,7 +134,7 @@ fn what_was_learned_wrongly_is_forgotten() {
     assert!((corrected.readout - 0.02).abs() < 0.001, "{corrected:?}");
 }
 
-/// What is given as known to ten microseconds is not moved far by what frames say.
+/// A prior known to ten microseconds hardly moves.
 #[test]
 fn what_is_known_is_not_forgotten() {
     let mut estimate = SelfCalibration::new(Timing {
@@ -175,7 +175,7 @@ fn a_camera_that_stands_and_too_few_points_teach_nothing() {
     pass(&mut estimate, &swinging(0.1), 0.02, |b| {
         b.pairs.truncate(MIN_PAIRS - 1)
     });
-    // Nor does a run of frames with a gap in it.
+    // Nor does a sequence with a gap.
     for k in 0..3 * RUN {
         let between = swinging(0.1).between(DT, 0.02);
         estimate.learn(&camera(), (k % RUN != 0).then_some(between));
@@ -185,7 +185,7 @@ fn a_camera_that_stands_and_too_few_points_teach_nothing() {
     assert_ne!(*estimate.timing(), *start(0.0).timing());
 }
 
-/// A third of the points move by themselves, or are followed to another corner.
+/// A third of the points move, or are mismatched.
 #[test]
 fn outliers_do_not_bend_the_estimate() {
     let mut estimate = start(0.0);
@@ -201,8 +201,8 @@ fn outliers_do_not_bend_the_estimate() {
     assert!((readout - 0.02).abs() < 0.002, "{readout}");
 }
 
-/// Poses err by centimetres and half a degree, each by itself, where people leave hardly a landmark; what stands still between two frames tells how the
-/// camera moved all the same.
+/// Independent pose errors of centimetres and half a degree, as among people; static points still give the motion
+/// between two frames.
 #[test]
 fn poses_that_jitter_do_not_bend_the_estimate() {
     let mut estimate = start(0.0);
@@ -227,7 +227,7 @@ fn poses_that_jitter_do_not_bend_the_estimate() {
     }
     let timing = estimate.timing();
     assert!((timing.readout - 0.02).abs() < 0.001, "{timing:?}");
-    // It is as sure as where the poses are exact.
+    // The information is nearly that of exact poses.
     let exact = learn_swinging(0.02, 0.0).information;
     assert!(estimate.information > 0.5 * exact, "{timing:?}");
 }

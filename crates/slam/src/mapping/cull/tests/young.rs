@@ -1,4 +1,4 @@
-//! How landmarks that are new in the map prove themselves.
+//! Confirmation and culling of new landmarks.
 
 use super::super::*;
 use crate::config::Config;
@@ -8,7 +8,7 @@ use stillpoint_map::LandmarkId;
 
 const COUNT: usize = 6;
 
-/// A mapper with a keyframe that has just made landmarks from its depths.
+/// A mapper with one keyframe and its landmarks from depth.
 fn mapper() -> (Mapper, Vec<LandmarkId>) {
     let mut mapper = Mapper::new(&Config::default());
     let seen = data(&see_points(0..COUNT, &Se3::identity()));
@@ -21,7 +21,7 @@ fn mapper() -> (Mapper, Vec<LandmarkId>) {
     (mapper, made)
 }
 
-/// Another keyframe comes, 0.1 m farther each, that sees nothing but what it is told to.
+/// Adds a keyframe at 0.1 m per id that observes only the landmarks `seen`.
 fn come(mapper: &mut Mapper, id: u32, seen: &[LandmarkId]) {
     let camera = at(0.1 * f64::from(id), 0.0, 0.0);
     let parent = Some(KeyframeId(0));
@@ -61,7 +61,7 @@ fn a_young_landmark_that_no_second_keyframe_sees_goes_after_two() {
     let (mut mapper, made) = mapper();
     come(&mut mapper, 3, &made[..2]);
     assert_eq!(mapper.cull_landmarks(KeyframeId(3)), 0);
-    // Ids are those of frames: what counts is how many keyframes came.
+    // Ids are frame numbers; age counts keyframes.
     come(&mut mapper, 20, &[]);
     assert_eq!(mapper.cull_landmarks(KeyframeId(20)), COUNT as u32 - 2);
     assert_eq!(
