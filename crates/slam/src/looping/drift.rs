@@ -9,22 +9,8 @@ use crate::covariance::moved;
 use crate::least_first::Reached;
 use std::collections::BinaryHeap;
 use stillpoint_estimation::{EdgeKernel, pose_covariance};
-use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
+use stillpoint_geometry::{Mat6, Se3, Vec3};
 use stillpoint_map::{LoopEdge, MapView};
-
-/// Error of a tie's translation beside landmark noise, per axis, m (decision 22).
-const TIE_M: f64 = 0.002;
-/// Likewise for rotation, per axis, rad: a twentieth of a degree (decision 22).
-const TIE_RAD: f64 = 0.0009;
-/// Likewise relative to the motion, in length and angle, a share: the form of odometry noise (Thrun, Burgard, Fox,
-/// "Probabilistic Robotics", 2005, section 5.4).
-const TIE_SHARE: f64 = 0.01;
-/// Translation error of frames bridged by flow, per axis, m: they are off by 5 to 10 cm after a second (decision 18).
-const BRIDGED_M: f64 = 0.05;
-/// Likewise for rotation, rad: two degrees (decision 22).
-const BRIDGED_RAD: f64 = 0.035;
-/// Likewise relative to the motion, a share (decision 22): ten times that of ties.
-const BRIDGED_SHARE: f64 = 0.1;
 
 pub(super) struct Tie {
     pub(super) a: u32,
@@ -167,26 +153,7 @@ pub(super) fn distance(measured: &Se3, expected: &Se3, covariance: &Mat6) -> f64
 /// Covariance of a loop's motion `old_from_new` from the information of `new_from_old`.
 pub(super) fn loop_covariance(information: &Mat6, old_from_new: &Se3) -> Mat6 {
     let measured = pose_covariance(information).map(|c| moved(&c, old_from_new));
-    measured.unwrap_or_else(Mat6::zeros) + common(old_from_new, TIE_M, TIE_RAD, TIE_SHARE)
-}
-
-/// Covariance of errors that do not average out.
-fn common(motion: &Se3, metres: f64, radians: f64, share: f64) -> Mat6 {
-    let (length, angle) = (motion.translation.norm(), motion.rotation.angle());
-    let (of_length, of_angle) = (share * length, share * angle);
-    let t = metres * metres + of_length * of_length;
-    let r = radians * radians + of_angle * of_angle;
-    Mat6::from_diagonal(&Vec6::new(t, t, t, r, r, r))
-}
-
-/// Covariance of the motion between two keyframes, from the covariances of both poses given their shared landmarks.
-pub(super) fn between_neighbours(of_a: &Mat6, of_b: &Mat6, a_from_b: &Se3) -> Mat6 {
-    of_a + moved(of_b, a_from_b) + common(a_from_b, TIE_M, TIE_RAD, TIE_SHARE)
-}
-
-/// Likewise with too few shared landmarks, when the frames between were bridged by flow.
-pub(super) fn bridged(a_from_b: &Se3) -> Mat6 {
-    common(a_from_b, BRIDGED_M, BRIDGED_RAD, BRIDGED_SHARE)
+    measured.unwrap_or_else(Mat6::zeros) + shared::of_loop(old_from_new)
 }
 
 #[cfg(test)]

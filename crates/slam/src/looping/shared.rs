@@ -3,17 +3,31 @@
 //! A landmark's contribution to a keyframe's pose does not depend on other keyframes: it is computed once per keyframe
 //! and summed for each neighbour.
 
-use super::drift::{between_neighbours, bridged};
 use super::nodes::Nodes;
 use crate::association::measurement_in;
+use crate::covariance::moved;
 use crate::landmark_set::LandmarkSet;
 use stillpoint_estimation::{Intrinsics, Measurement, linearise, pose_covariance};
-use stillpoint_geometry::{Mat6, Vec3};
+use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
 use stillpoint_map::{Keyframe, LandmarkId, MapView};
 
 /// Minimum number of shared landmarks to measure a motion (decision 22); with fewer, the frames between were bridged by
 /// flow.
 const MIN_MEASURED: usize = 15;
+
+/// Error of a tie's translation beside landmark noise, per axis, m (decision 22).
+const TIE_M: f64 = 0.002;
+/// Likewise for rotation, per axis, rad: a twentieth of a degree (decision 22).
+const TIE_RAD: f64 = 0.0009;
+/// Likewise relative to the motion, in length and angle, a share: the form of odometry noise (Thrun, Burgard, Fox,
+/// "Probabilistic Robotics", 2005, section 5.4).
+const TIE_SHARE: f64 = 0.01;
+/// Translation error of frames bridged by flow, per axis, m: they are off by 5 to 10 cm after a second (decision 18).
+const BRIDGED_M: f64 = 0.05;
+/// Likewise for rotation, rad: two degrees (decision 22).
+const BRIDGED_RAD: f64 = 0.035;
+/// Likewise relative to the motion, a share (decision 22): ten times that of ties.
+const BRIDGED_SHARE: f64 = 0.1;
 
 /// Lower triangle of a symmetric 6x6 matrix, row by row.
 type Triangle = [f64; 21];
@@ -160,4 +174,28 @@ fn terms(view: &MapView, k: &Keyframe) -> Vec<(LandmarkId, Term)> {
         Some((id, Term::new(&camera, &p, &m)))
     };
     k.matches.iter().enumerate().filter_map(term).collect()
+}
+
+/// Covariance of errors that do not average out.
+fn common(motion: &Se3, metres: f64, radians: f64, share: f64) -> Mat6 {
+    let (length, angle) = (motion.translation.norm(), motion.rotation.angle());
+    let (of_length, of_angle) = (share * length, share * angle);
+    let t = metres * metres + of_length * of_length;
+    let r = radians * radians + of_angle * of_angle;
+    Mat6::from_diagonal(&Vec6::new(t, t, t, r, r, r))
+}
+
+/// Covariance of the motion between two keyframes, from the covariances of both poses given their shared landmarks.
+fn between_neighbours(of_a: &Mat6, of_b: &Mat6, a_from_b: &Se3) -> Mat6 {
+    of_a + moved(of_b, a_from_b) + common(a_from_b, TIE_M, TIE_RAD, TIE_SHARE)
+}
+
+/// Likewise with too few shared landmarks, when the frames between were bridged by flow.
+fn bridged(a_from_b: &Se3) -> Mat6 {
+    common(a_from_b, BRIDGED_M, BRIDGED_RAD, BRIDGED_SHARE)
+}
+
+/// Likewise of a measured loop, beside its own covariance.
+pub(super) fn of_loop(old_from_new: &Se3) -> Mat6 {
+    common(old_from_new, TIE_M, TIE_RAD, TIE_SHARE)
 }

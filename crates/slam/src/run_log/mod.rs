@@ -10,12 +10,13 @@
 mod inertial;
 mod line;
 mod odometry;
+mod reader;
 mod word;
 
 use crate::fingerprint::Fingerprint;
 use crate::mapping::MappingEffort;
 use crate::messages::{LoopCloserMsg, MapperMsg};
-use line::Line;
+use reader::Line;
 use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::{FrameId, ImuSample, OdometrySample, RgbdFrame};
 use stillpoint_map::{Correction, KeyframeId};

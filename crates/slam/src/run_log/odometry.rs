@@ -1,7 +1,7 @@
 //! Log lines with odometry samples.
 
 use super::LogError;
-use super::line::{AllLines, Line, Words};
+use super::reader::{AllLines, Line, Words};
 use std::fmt::Write;
 use stillpoint_imaging::OdometrySample;
 

@@ -1,6 +1,7 @@
 //! Pixel masks of moving regions.
 
-use super::outline::{STEP, Sample, Window, refine};
+use super::outline::{STEP, Window, refine};
+use super::sides::Sample;
 use super::things::things;
 use super::{Segments, cells};
 use stillpoint_imaging::{CoarseDepth, DepthImage, GrayImage, RgbdFrame};

@@ -6,7 +6,7 @@
 //! it; elsewhere it is the contour of the blurred samples, a smooth curve. Simpler than alternatives (joint bilateral
 //! upsampling, graph cuts): box means with constant cost per pixel.
 
-use super::sides::settle;
+use super::sides::{Sample, settle};
 use std::ops::Range;
 use stillpoint_imaging::GrayImage;
 
@@ -20,14 +20,6 @@ const REACH: usize = 2;
 const NOISE: f32 = 0.0016;
 /// Radius of the final smoothing, px, chosen: objects are not thinner than half of that.
 const SMOOTH: usize = 2;
-
-/// Sums over a sample's pixels.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sample {
-    pub(super) weight: f32,
-    /// Weights of those in the mask.
-    pub(super) inside: f32,
-}
 
 /// A rectangle of the image, in whole samples.
 #[derive(Clone, Debug)]

@@ -6,8 +6,6 @@
 //! along it: sides meet at image edges, or halfway without any. Paths are found by raster scans in both directions
 //! (Criminisi, Sharp, Blake: GeoS: Geodesic Image Segmentation, ECCV 2008).
 
-use super::outline::Sample;
-
 /// Path cost of a full brightness change, samples: 2 grey levels of 255, which are noise, cost as much as one sample of
 /// path. Chosen.
 const CHANGE: f32 = 128.0;
@@ -30,6 +28,14 @@ const SCANS: usize = 2;
 const GUESS: f32 = 0.3;
 /// Length of a diagonal step, samples: the diagonal of a square.
 const DIAGONAL: f32 = std::f32::consts::SQRT_2;
+
+/// Sums over a sample's pixels.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sample {
+    pub(super) weight: f32,
+    /// Weights of those in the mask.
+    pub(super) inside: f32,
+}
 
 /// The cheapest path from a sample to a certain one, and the side of that.
 #[derive(Clone, Copy)]

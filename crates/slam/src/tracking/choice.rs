@@ -1,6 +1,33 @@
 //! Chooses between two motion hypotheses from flow when a sensor constrains the motion.
 
-use super::vote::Vote;
+use stillpoint_geometry::{Mat6, Se3};
+
+/// Share of the weight, or of the pairs, that counts as nearly all. A motion on which nearly all agree is accepted
+/// unless a gyroscope contradicts it or a person may fill the view (decision 39).
+pub(super) const PLAIN_SHARE: f64 = 0.9;
+
+/// A camera motion from a flow vote.
+#[derive(Clone, Debug)]
+pub(super) struct Vote {
+    pub(super) camera_from_world: Se3,
+    /// Whether it was judged sharply: then it takes precedence over matches by descriptor.
+    pub(super) exact: bool,
+    pub(super) agreed: usize,
+    pub(super) voted: usize,
+    /// Inverse covariance of the motion, as that of the pose.
+    pub(super) information: Mat6,
+    /// Agreeing share of the weight.
+    pub(super) share: f64,
+    /// Whether the motion is bound to the sensors.
+    pub(super) is_bound: bool,
+}
+
+impl Vote {
+    /// Whether nearly all pairs agree, by weight and by number, including those on surfaces that moved before.
+    pub(super) fn is_of_nearly_all(&self) -> bool {
+        self.share >= PLAIN_SHARE && self.agreed as f64 >= PLAIN_SHARE * self.voted as f64
+    }
+}
 
 /// The choice between the unconstrained vote and the vote bound to the sensor's motion.
 pub(super) struct Choice {
@@ -51,7 +78,6 @@ impl Choice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_geometry::{Mat6, Se3};
 
     fn vote(share: f64, is_bound: bool) -> Option<Vote> {
         Some(Vote {

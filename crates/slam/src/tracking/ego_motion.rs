@@ -1,7 +1,8 @@
 //! First estimate of the camera motion, before the static filter.
 
-use super::flow::Guess;
-use super::vote::{Search, Vote};
+use super::choice::Vote;
+use super::flow_search::Guess;
+use super::vote::Search;
 use super::{Notes, Tracker};
 use crate::association::Matches;
 use crate::report::LostReason;

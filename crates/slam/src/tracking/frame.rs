@@ -1,15 +1,13 @@
 //! Measures an RGB-D frame: keypoints, undistorted positions, depths and their noise.
 
-use super::flow::FlowMemory;
+use super::flow_search::{FlowImages, FlowSearch};
 use crate::recycle::refill_or;
 use crate::sensor::{DepthPoint, DepthReader, DepthReading, LANES, SensorConfig};
 use crate::shutter::{Shutter, TYPICAL_DEPTH};
 use crate::static_filter::FeatureVerdict;
 use crate::timing::Timing;
 use std::sync::Arc;
-use stillpoint_features::{
-    Descriptor, FeatureGrid, Features, Flow, FlowConfig, Keypoint, OrbConfig, OrbExtractor,
-};
+use stillpoint_features::{Descriptor, FeatureGrid, Features, Keypoint, OrbConfig, OrbExtractor};
 use stillpoint_geometry::{Camera, Vec2, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd, workers};
 use stillpoint_map::KeyframeData;
@@ -23,7 +21,7 @@ pub(super) struct Observer {
     sensor: SensorConfig,
     pub(super) extractor: OrbExtractor,
     pub(super) features: Features,
-    pub(super) flow: Flow,
+    flow: FlowSearch,
     /// Undistorted pixels of `features`, as exposed.
     pub(super) undistorted: Vec<Vec2>,
     /// Depths around their raw pixels in the depth image, m; 0 if none.
@@ -34,7 +32,6 @@ pub(super) struct Observer {
     /// Measurements of `features`.
     seen: Vec<Seen>,
     levels: Vec<u8>,
-    pub(super) flow_memory: FlowMemory,
     /// Recently returned data, whose memory is reused once released.
     handed_over: Vec<Arc<KeyframeData>>,
 }
@@ -56,16 +53,27 @@ impl Observer {
             sensor,
             extractor: OrbExtractor::new(orb, simd),
             features: Features::default(),
-            flow: Flow::new(FlowConfig::default(), simd),
+            flow: FlowSearch::new(simd),
             undistorted: Vec::new(),
             depths: Vec::new(),
             level_sigmas,
             bounds: camera.undistorted_bounds().map(|b| b as f32),
             seen: Vec::new(),
             levels: Vec::new(),
-            flow_memory: FlowMemory::default(),
             handed_over: Vec::new(),
         }
+    }
+
+    /// Optical flow, and the last two images.
+    pub(super) fn flow(&mut self) -> (&mut FlowSearch, FlowImages<'_>) {
+        let images = FlowImages {
+            camera: &self.camera,
+            keypoints: &self.features.keypoints,
+            undistorted: &self.undistorted,
+            now: self.extractor.pyramid(),
+            before: self.extractor.previous_pyramid(),
+        };
+        (&mut self.flow, images)
     }
 
     pub(super) fn level_sigmas(&self) -> &[f32] {

@@ -3,9 +3,8 @@
 //! A gyroscope gives rotation, odometry rotation and translation; with both, rotation comes from the gyroscope. Wheels
 //! slip: many landmarks that contradict odometry overrule it, a large moving part of the image does not.
 
-use super::ego_motion::EgoMotion;
-use super::vote::{CROWD, Vote};
-use super::{Fix, Notes, Tracker};
+use super::crowd::CROWD;
+use super::{Notes, Tracker};
 use crate::inertial::Turn;
 use crate::odometry::Motion;
 use crate::report::{HOLDING, LostReason};
@@ -252,7 +251,7 @@ impl Tracker {
     }
 
     /// Which sensor a pose contradicts relative to earlier poses, if any; the gyroscope takes precedence.
-    fn contradicts(&self, camera_from_world: &Se3) -> Option<LostReason> {
+    pub(super) fn contradicts(&self, camera_from_world: &Se3) -> Option<LostReason> {
         let now = self.front_end.clock.now();
         let differs = |age: f64| {
             let (time, world_from_camera) = self.sensors.past_poses.before(now, age)?;
@@ -273,36 +272,6 @@ impl Tracker {
         gyro.copied()
             .flatten()
             .or(found.into_iter().flatten().next())
-    }
-
-    /// Replaces a pose that contradicts the sensors by the bound vote: the majority of the image may be a person
-    /// walking along. Many landmarks overrule wheels.
-    pub(super) fn refuse_riding(
-        &self,
-        motion: &EgoMotion,
-        fix: Fix,
-        features: usize,
-    ) -> Result<Fix, LostReason> {
-        let reason = self.contradicts(&fix.camera_from_world);
-        let Some(reason) = reason.filter(|_| motion.follows) else {
-            return Ok(fix);
-        };
-        let wheels = reason == LostReason::AgainstOdometry;
-        // At the beginning of a map, most landmarks may be on people; backward tracking only happens while that is
-        // undecided.
-        let may_ride = self.goes_back && self.moving_share > CROWD;
-        let many = fix.matches.landmarks() >= HOLDING as usize;
-        let borne_out = many && !may_ride && !self.was_blind();
-        if wheels && borne_out {
-            return Ok(fix);
-        }
-        let enough = self.setup.tracking.min_inliers;
-        let bound = motion.by_flow.as_ref();
-        let bound = bound.filter(|v| v.is_bound && v.agreed >= enough);
-        // Frame by frame a vote may drift with a person; comparison over a second reveals it.
-        let bound = bound.filter(|v| !wheels || self.contradicts(&v.camera_from_world).is_none());
-        let vote: &Vote = bound.ok_or(reason)?;
-        Ok(Self::follow_vote(vote, features))
     }
 
     /// Updates the sensors' calibration and trust with an accepted pose, if enough landmarks support it.

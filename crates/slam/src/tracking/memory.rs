@@ -1,7 +1,7 @@
 //! Buffers of tracking, reused from frame to frame.
 
 use super::ego_motion::EgoMotion;
-use super::flow::Guess;
+use super::flow_search::Guess;
 use super::pose::PoseSolver;
 use super::self_calibration::RowPair;
 use super::statistics::Sighting;

@@ -6,10 +6,12 @@ mod carry;
 mod choice;
 mod clock;
 mod config;
+mod crowd;
 mod demand;
 mod ego_motion;
 mod first_keyframe;
 mod flow;
+mod flow_search;
 mod frame;
 mod front_end;
 mod inbox;
@@ -24,9 +26,11 @@ mod memory;
 mod mirror;
 mod momentum;
 mod motion;
+mod motion_prior;
 mod outcome;
 mod pose;
 mod relocalise;
+mod rows;
 mod self_calibration;
 mod sensors;
 mod sight;
@@ -37,9 +41,9 @@ mod vote;
 
 pub(crate) use config::MIN_INITIAL_POINTS;
 pub use config::{TrackerSetup, TrackingConfig};
+pub(crate) use crowd::SOME_MOVE;
 pub use keyframe::KeyframeConfig;
 pub(crate) use mirror::TurningPoint;
-pub(crate) use vote::SOME_MOVE;
 
 use crate::association::Matches;
 use crate::evidence::{Cells, Evidence};
@@ -48,6 +52,7 @@ use crate::pace::Pace;
 use crate::report::{FrameCounts, LostReason};
 use crate::static_filter::{Judgement, StaticFilter};
 use crate::trajectory::Trajectory;
+use choice::Vote;
 use ego_motion::EgoMotion;
 use front_end::FrontEnd;
 use known_map::KnownMap;
@@ -62,7 +67,6 @@ use std::sync::Arc;
 use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd, Standstill, Still, StillWatch, Workers};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, SubmapId};
-use vote::Vote;
 
 /// Tracks the camera, frame by frame.
 pub struct Tracker {

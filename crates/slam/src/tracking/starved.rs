@@ -1,14 +1,16 @@
 //! Frames with too few landmarks, from motion blur or people: recovers the local map, or bridges the frame with flow.
 
+use super::choice::Vote;
+use super::crowd::CROWD;
 use super::ego_motion::EgoMotion;
 use super::known_map::KnownMap;
 use super::local_map::{LOCAL_RADIUS, SearchArea};
 use super::pose::{PosePrior, Precision};
 use super::sight::Sight;
 use super::statistics::Sightings;
-use super::vote::Vote;
 use super::{Fix, Tracker};
 use crate::association::{Matches, measurement};
+use crate::report::{HOLDING, LostReason};
 use crate::static_filter::{FeatureVerdict, FlowPair};
 use stillpoint_estimation::{
     AbsolutePoseOptions, Intrinsics, PoseObservation, Purpose, find_absolute_pose, rng,
@@ -145,9 +147,8 @@ impl Tracker {
             return fix;
         };
         let mut pairs = motion.pairs.clone();
-        self.front_end
-            .observer
-            .flow_to_previous(&motion.rest, &mut pairs);
+        let (search, images) = self.front_end.observer.flow();
+        search.search(&images, &motion.rest, &mut pairs);
         let matches = self.add_flow_points(&pairs, verdicts, fix.matches);
         let matched = matches.count;
         // Flow drifts, so priors apply.
@@ -220,5 +221,35 @@ impl Tracker {
             }
         }
         matches
+    }
+
+    /// Replaces a pose that contradicts the sensors by the bound vote: the majority of the image may be a person
+    /// walking along. Many landmarks overrule wheels.
+    pub(super) fn refuse_riding(
+        &self,
+        motion: &EgoMotion,
+        fix: Fix,
+        features: usize,
+    ) -> Result<Fix, LostReason> {
+        let reason = self.contradicts(&fix.camera_from_world);
+        let Some(reason) = reason.filter(|_| motion.follows) else {
+            return Ok(fix);
+        };
+        let wheels = reason == LostReason::AgainstOdometry;
+        // At the beginning of a map, most landmarks may be on people; backward tracking only happens while that is
+        // undecided.
+        let may_ride = self.goes_back && self.moving_share > CROWD;
+        let many = fix.matches.landmarks() >= HOLDING as usize;
+        let borne_out = many && !may_ride && !self.was_blind();
+        if wheels && borne_out {
+            return Ok(fix);
+        }
+        let enough = self.setup.tracking.min_inliers;
+        let bound = motion.by_flow.as_ref();
+        let bound = bound.filter(|v| v.is_bound && v.agreed >= enough);
+        // Frame by frame a vote may drift with a person; comparison over a second reveals it.
+        let bound = bound.filter(|v| !wheels || self.contradicts(&v.camera_from_world).is_none());
+        let vote: &Vote = bound.ok_or(reason)?;
+        Ok(Self::follow_vote(vote, features))
     }
 }

@@ -5,7 +5,8 @@
 //! compromise between the motion of a desk and that of a person walking slowly past it fits both to a few pixels.
 
 use super::Tracker;
-use super::choice::Choice;
+use super::choice::{Choice, PLAIN_SHARE, Vote};
+use super::crowd::{CROWD, SOME_MOVE, UNDECIDED};
 use super::known::Known;
 use crate::association::{Candidate, match_by_descriptor, measurement};
 use crate::static_filter::FlowPair;
@@ -13,7 +14,7 @@ use stillpoint_estimation::{
     Intrinsics, Measurement, MotionFinder, MotionOptions, MotionPair, MotionPrior, Purpose,
     find_camera_motion, rng,
 };
-use stillpoint_geometry::{Mat6, Se3, Vec6};
+use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::KeyframeData;
 
@@ -29,17 +30,6 @@ const PEAK: f64 = 60.0;
 /// Sharpness for matches by descriptor, which err by a pixel and more (decision 21): the vote is halved at a third of
 /// the gate's residual, one pixel.
 const ROUGH_PEAK: f64 = 6.0;
-/// Time after the start of a submap during which it is undecided which surfaces move, s: decision 21 has starts with
-/// it, without it and with no end to it.
-pub(super) const UNDECIDED: f64 = 2.0;
-/// Share of moving keypoints in the last frame above which it is undecided again which surfaces move: nothing is known
-/// yet of a person who has just come into view. If the static scene in view has nearly constant depth, a rotation looks
-/// like a translation, and the few points at another depth decide between both. Measured: a start has 13 to 17 mm with
-/// it, 13 to 20 with 20 % and 68 to 75 with 35 % (decision 43).
-pub(crate) const SOME_MOVE: f64 = 0.1;
-/// Share of moving keypoints above which a crowd may fill the view: a third of the keypoints (decision 39), the share
-/// by which decision 25 knew a crowd. Above it wheels overrule, and a pose refutes no sensor (decision 41).
-pub(super) const CROWD: f64 = 0.35;
 /// Error of a constant-velocity prediction after a frame, m (decisions 44 and 54).
 const PRIOR_SIGMA_M: f64 = 0.02;
 /// Error of a constant-velocity prediction after a frame, rad: chosen, it displaces points at 1 m by [`PRIOR_SIGMA_M`].
@@ -65,38 +55,12 @@ const ROUGH_SHARE: f64 = 0.2;
 /// Minimum share of the weight for a motion bound to sensors, which rule out other motions. People fill up to nine
 /// tenths of a view (decision 39), of which this is the rest.
 const MIN_BOUND_SHARE: f64 = 0.1;
-/// Share of the weight, or of the pairs, that counts as nearly all. A motion on which nearly all agree is accepted
-/// unless a gyroscope contradicts it or a person may fill the view (decision 39).
-const PLAIN_SHARE: f64 = 0.9;
 /// Side of the image blocks with equal weight, px: chosen, 16x12 blocks of 640x480, each as wide as a head of 15 cm at
 /// 2 m (f = 535 px).
 const BLOCK_PX: f64 = 40.0;
 /// Depth above which the weight does not grow, m: farther points constrain rotation only. It is half of the default of
 /// `sensor.max_depth`; chosen.
 const FAR: f64 = 4.0;
-
-/// A camera motion from a flow vote.
-#[derive(Clone, Debug)]
-pub(super) struct Vote {
-    pub(super) camera_from_world: Se3,
-    /// Whether it was judged sharply: then it takes precedence over matches by descriptor.
-    pub(super) exact: bool,
-    pub(super) agreed: usize,
-    pub(super) voted: usize,
-    /// Inverse covariance of the motion, as that of the pose.
-    pub(super) information: Mat6,
-    /// Agreeing share of the weight.
-    pub(super) share: f64,
-    /// Whether the motion is bound to the sensors.
-    pub(super) is_bound: bool,
-}
-
-impl Vote {
-    /// Whether nearly all pairs agree, by weight and by number, including those on surfaces that moved before.
-    pub(super) fn is_of_nearly_all(&self) -> bool {
-        self.share >= PLAIN_SHARE && self.agreed as f64 >= PLAIN_SHARE * self.voted as f64
-    }
-}
 
 /// How a vote searches for the motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

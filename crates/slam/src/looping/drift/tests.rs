@@ -3,6 +3,7 @@
 
 use super::super::tests::map;
 use super::*;
+use stillpoint_geometry::Vec6;
 use stillpoint_map::{KeyframeId, SubmapId};
 
 /// An identity loop edge with these standard deviations, m and rad.

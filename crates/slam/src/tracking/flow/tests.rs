@@ -1,19 +1,15 @@
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 
 use super::super::Notes;
-use super::super::statistics::Sightings;
 use super::*;
-use crate::anchored_pose::AnchoredPose;
 use crate::config::Config;
-use crate::messages::Exposure;
-use crate::synthetic::{WALL, aside, at, blocks, data, see_points, wall, wall_camera};
+use crate::synthetic::{WALL, aside, at, blocks, wall, wall_camera};
 use std::sync::Arc;
 use stillpoint_geometry::{Vec3, so3};
 use stillpoint_imaging::{FrameId, Simd};
-use stillpoint_map::KeyframeId;
 
 /// A tracker with a pose at the origin in the first frame, and the data of the second.
-fn second_frame(
+pub(in super::super) fn second_frame(
     first: RgbdFrame,
     second: RgbdFrame,
     config: &Config,
@@ -162,104 +158,6 @@ fn pairs_are_brought_to_the_stamps_of_their_frames() {
         "{}",
         lean(0.02)
     );
-}
-
-#[test]
-fn rows_are_learned_from_what_stands_still_and_has_depth() {
-    let shown = |id| wall(id, |x, y| blocks(1, x, y));
-    let (mut tracker, data) = second_frame(shown(0), shown(1), &Config::default());
-    let (pairs, _) = tracker.flow(&data, &Se3::identity());
-    let found = pairs.iter().flatten().count();
-    let motion = EgoMotion {
-        pairs,
-        ..EgoMotion::unknown(Arc::clone(&data))
-    };
-    let mut verdicts: Vec<FeatureVerdict> = data
-        .keypoints
-        .iter()
-        .map(|k| FeatureVerdict::kept([k.x, k.y]))
-        .collect();
-    let rows = |verdicts: &[FeatureVerdict], motion: &EgoMotion| {
-        let mut rows = Vec::new();
-        tracker.followed(motion, verdicts, &mut rows);
-        rows.len()
-    };
-    assert_eq!(rows(&verdicts, &motion), found);
-    let pairs = motion.pairs.iter().enumerate();
-    let first: Vec<usize> = pairs
-        .filter(|p| p.1.is_some())
-        .map(|p| p.0)
-        .take(7)
-        .collect();
-    for i in &first[..5] {
-        verdicts[*i].dynamic = true;
-    }
-    assert_eq!(rows(&verdicts, &motion), found - 5);
-    let mut holes = data.copied();
-    for i in &first {
-        holes.depths[*i] = 0.0;
-    }
-    let motion = EgoMotion {
-        data: Arc::new(holes),
-        ..motion
-    };
-    assert_eq!(rows(&verdicts, &motion), found - 7);
-}
-
-#[test]
-fn without_flow_rows_are_learned_from_landmarks_that_both_frames_see() {
-    let id = LandmarkId::new;
-    let camera = at(0.0, 0.0, 0.0);
-    let last = LastFrame {
-        stamp: 0.0,
-        time: 0.0,
-        data: data(&see_points(0..4, &camera)),
-        matches: vec![Some(id(5)), None, Some(id(7)), Some(id(8))],
-        pose: AnchoredPose::default(),
-        world_from_camera: camera,
-    };
-    let mut now = data(&see_points([2, 9, 0, 3], &camera)).copied();
-    now.depths[3] = 0.0;
-    let solution = Solution {
-        data: Arc::new(now),
-        camera_from_world: camera,
-        reference: KeyframeId(0),
-        matches: vec![Some(id(7)), Some(id(9)), Some(id(5)), Some(id(8))],
-        sightings: Sightings::default(),
-        exposure: Exposure::default(),
-        followed: Vec::new(),
-        recognised: None,
-    };
-    let rows = seen_twice(&last, &solution);
-    assert_eq!(rows.len(), 2);
-    // The same points from the same pose.
-    for (row, number) in rows.iter().zip([2, 0]) {
-        let seen = see_points([number], &camera)[0];
-        let [x, y] = seen.pixel.map(f64::from);
-        assert!((row.now.0 - Vec2::new(x, y)).norm() < 1e-3);
-        assert_eq!((row.now, row.z), (row.before, f64::from(seen.depth)));
-        assert!((row.now.1 - y).abs() < 1e-9);
-    }
-}
-
-#[test]
-fn guesses_are_corrected_by_the_median() {
-    let found = |x| {
-        Some(FlowMatch {
-            position: [x, -1.0],
-            residual: 0.0,
-            forward_backward: 0.0,
-        })
-    };
-    let mut memory = FlowMemory {
-        expected: vec![[10.0, 0.0]; 5],
-        // One feature lies on a walking person; one is not found.
-        found: vec![found(12.0), None, found(12.5), found(40.0), found(11.5)],
-        ..FlowMemory::default()
-    };
-    assert_eq!(memory.middle_off(), [2.5, -1.0]);
-    memory.found.clear();
-    assert_eq!(memory.middle_off(), [0.0; 2]);
 }
 
 /// An acceleration puts all features far from their predictions; all are found although most are only searched nearby.

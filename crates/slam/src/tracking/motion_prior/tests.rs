@@ -1,0 +1,18 @@
+use super::*;
+use crate::config::Config;
+use stillpoint_geometry::Camera;
+use stillpoint_imaging::Simd;
+
+/// Control: a tracker that has just started, and does not track backwards.
+#[test]
+fn a_way_back_knows_the_momentum_from_the_start_and_leans_on_it_no_more_in_a_crowd() {
+    let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
+    let mut tracker = Tracker::new(Config::default(), camera, Simd::Scalar);
+    tracker.moving_share = 0.5;
+    let calm = POSE_FACTOR * POSE_FACTOR;
+    assert!(!tracker.knows_momentum());
+    assert!(tracker.pose_factor(0.0) > 3.0 * calm);
+    tracker.goes_back = true;
+    assert!(tracker.knows_momentum());
+    assert!((tracker.pose_factor(0.0) - calm).abs() < 1e-12);
+}
