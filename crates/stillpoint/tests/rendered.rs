@@ -14,8 +14,14 @@ pub(crate) struct Rendered {
 impl Rendered {
     /// Frames of a scene with 320x240 px.
     pub(crate) fn new(scene: &str, frames: usize, rate: f64) -> Self {
+        Self::with_seed(scene, frames, rate, SimulatorConfig::default().seed)
+    }
+
+    /// Likewise with another seed of the scene.
+    pub(crate) fn with_seed(scene: &str, frames: usize, rate: f64, seed: u64) -> Self {
         let config = SimulatorConfig {
             scene: scene.into(),
+            seed,
             frames: Some(frames),
             rate,
             camera: Camera::pinhole(320, 240, [267.5, 267.5, 159.5, 119.5]),
