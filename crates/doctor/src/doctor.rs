@@ -107,7 +107,7 @@ impl Doctor {
         }
     }
 
-    /// The report on the frames so far, the most harmful finding first. Skips checks that depend on a faulty input.
+    /// The report on the frames added until now, the most harmful finding first. Skips checks that depend on a faulty input.
     #[must_use]
     pub fn report(&mut self) -> Report {
         let mut report = Report {
