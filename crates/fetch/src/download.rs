@@ -177,7 +177,6 @@ impl Download<'_> {
         }
     }
 
-    /// The partial file is complete.
     fn is_whole(&self, resumed: u64) -> Result<Fetched, FetchError> {
         Ok(Fetched {
             sha256: self.hash(resumed)?.hex(),

@@ -11,7 +11,6 @@ use ureq::tls::RootCerts;
 /// Maximum number of redirects: a release on GitHub needs one, and so does TUM's data set.
 pub(crate) const REDIRECTS: usize = 5;
 
-/// Requested range.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Range {
     /// The first byte wanted; 0 requests the whole file.

@@ -54,12 +54,10 @@ pub(crate) fn zipped(files: &[(&str, &[u8])]) -> Vec<u8> {
     zip.finish().unwrap().into_inner()
 }
 
-/// Incompressible bytes.
 pub(crate) fn image() -> &'static [u8] {
     stillpoint_testdata::server::made_up_bytes()
 }
 
-/// A sequence as TUM publishes it.
 pub(crate) fn sequence() -> Vec<u8> {
     tgz(&[
         entry("walk/", EntryType::Directory, b""),
@@ -69,7 +67,6 @@ pub(crate) fn sequence() -> Vec<u8> {
     ])
 }
 
-/// Destination of a test's download.
 pub(crate) struct Place {
     dir: TempDir,
 }

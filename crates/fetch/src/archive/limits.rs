@@ -13,7 +13,6 @@ pub(crate) const BETWEEN_FILES: u64 = 1 << 20;
 /// Maximum bytes of a path within the archive; those of data sets have some 60.
 const LONGEST_PATH: usize = 512;
 
-/// Remaining limits of unpacking.
 #[derive(Debug)]
 pub(crate) struct Budget {
     bytes: u64,

@@ -14,7 +14,6 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use zip::CompressionMethod;
 
-/// Error of unpacking.
 #[derive(Debug)]
 pub(crate) enum Fault {
     /// Problem of the archive, as part of a message.
@@ -202,7 +201,6 @@ fn clash(name: &str, path: PathBuf, error: Error) -> Fault {
     }
 }
 
-/// Counts the bytes read.
 struct Counted<R> {
     inner: R,
     count: Rc<Cell<u64>>,
