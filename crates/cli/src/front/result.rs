@@ -37,6 +37,7 @@ pub struct Driven<'a> {
     pub input: [String; 3],
     /// The command that repeats the run.
     pub command: String,
+    /// Its settings.
     pub config: &'a Config,
     /// The instruction set.
     pub simd: Simd,
