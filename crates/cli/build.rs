@@ -1,4 +1,4 @@
-//! Notes the compiler's version for benchmark reports.
+//! Records the compiler version for benchmark reports.
 
 use std::process::Command;
 

@@ -1,7 +1,7 @@
-//! What the user sees: results on stdout, everything else on stderr, and a progress line on terminals.
+//! User output: results on stdout, everything else on stderr, and a progress line on terminals.
 //!
-//! Writing never ends a command: what cannot be written is lost and the work goes on. Of stdout, the end of the program tells
-//! ([`lost`]), since nobody else would; a reader that went away on purpose is none of its concern.
+//! Write errors do not end a command; a failure of stdout is reported at the end of the program ([`lost`]), except where the reader closed
+//! the pipe.
 
 use std::borrow::Cow;
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -12,28 +12,25 @@ use std::time::{Duration, Instant};
 /// 0 errors only, 1 normal, 2 debug, 3 trace.
 static VERBOSITY: AtomicU8 = AtomicU8::new(1);
 
-/// Length of the progress line that stands on the terminal, in characters. One writer at a time.
+/// Length of the progress line currently on the terminal, in characters. The lock also serialises writers.
 static SHOWN: Mutex<usize> = Mutex::new(0);
 
-/// How much is said, from `-q` and the number of `-v`.
 pub(crate) fn set_verbosity(quiet: bool, verbose: u8) {
     let level = if quiet { 0 } else { 1 + verbose.min(2) };
     VERBOSITY.store(level, Ordering::Relaxed);
 }
 
-/// The level set by [`set_verbosity`].
 pub(crate) fn verbosity() -> u8 {
     VERBOSITY.load(Ordering::Relaxed)
 }
 
-/// Why stdout could not be written, the first time.
+/// The first error of writing to stdout.
 static LOST: Mutex<Option<std::io::Error>> = Mutex::new(None);
 
-/// Prints a result to stdout.
 pub(crate) fn print(text: &str) {
     let mut stdout = std::io::stdout().lock();
     let text = harmless(text);
-    // What is only in a buffer is not written yet.
+    // Buffered output could still fail, so flush.
     let written = stdout
         .write_all(text.as_bytes())
         .and_then(|()| stdout.flush());
@@ -45,13 +42,13 @@ pub(crate) fn print(text: &str) {
     }
 }
 
-/// Why a result that was printed did not arrive, if one did not.
+/// The first error of writing a result to stdout, if any.
 pub(crate) fn lost() -> Option<std::io::Error> {
     LOST.lock().ok()?.take()
 }
 
-/// The text without characters that a terminal obeys instead of showing them: names of files and lines of lists may hold any, and
-/// they come from others. Escape sequences begin with one; some turn the direction of writing, so that a name looks like another.
+/// Replaces control and direction characters, since file names and lists come from others: escape sequences would be executed by the
+/// terminal, and a change of writing direction can disguise a name.
 pub(crate) fn harmless(text: &str) -> Cow<'_, str> {
     let obeyed = |c: char| {
         (c.is_control() && c != '\n' && c != '\t')
@@ -78,33 +75,30 @@ pub(crate) fn report(text: &str) {
     }
 }
 
-/// Whether `-q` was given.
 pub(crate) fn is_quiet() -> bool {
     verbosity() == 0
 }
 
-/// A line on stderr, whatever the verbosity.
+/// Prints a line to stderr at any verbosity.
 pub(crate) fn line(text: &str) {
     write_over(text, true);
 }
 
-/// A line of information on stderr, silent with `-q`.
 pub(crate) fn info(text: &str) {
     if verbosity() > 0 {
         line(text);
     }
 }
 
-/// A warning on stderr, silent with `-q`.
 pub(crate) fn warn(text: &str) {
     if verbosity() > 0 {
         line(&format!("warning: {text}"));
     }
 }
 
-/// Writes over the progress line. Without `end_line` the text becomes the new progress line.
+/// Overwrites the progress line. Without `end_line` the text becomes the new progress line.
 fn write_over(text: &str, end_line: bool) {
-    // A poisoned lock only means that a thread panicked while writing: the number in it is still good enough.
+    // A poisoned lock only means that a thread panicked while writing: the length is still usable.
     let mut shown = match SHOWN.lock() {
         Ok(guard) => guard,
         Err(poisoned) => poisoned.into_inner(),
@@ -121,13 +115,13 @@ fn write_over(text: &str, end_line: bool) {
     *shown = if end_line { 0 } else { text.chars().count() };
 }
 
-/// Characters in a line of the terminal that stderr is.
+/// Width of the terminal on stderr, in characters.
 fn columns() -> usize {
     #[cfg(target_os = "linux")]
     let found = rustix::termios::tcgetwinsize(std::io::stderr()).map(|size| size.ws_col);
     #[cfg(not(target_os = "linux"))]
     let found = Err::<u16, ()>(());
-    // Some terminals do not know, and say 0.
+    // Some terminals report 0.
     found.map_or(80, |columns| match columns {
         0 => 80,
         n => usize::from(n),
@@ -142,7 +136,7 @@ pub(crate) fn counted(n: usize, noun: &str) -> String {
     }
 }
 
-/// Frames per second; below one, how long each takes.
+/// Frames per second; below one, the time per frame.
 pub(crate) fn frame_rate(rate: f64, unit: &str) -> String {
     if rate < 1.0 {
         return format!("{:.1} s per frame", 1.0 / rate.max(1e-3));
@@ -150,7 +144,6 @@ pub(crate) fn frame_rate(rate: f64, unit: &str) -> String {
     format!("{rate:.0} {unit}")
 }
 
-/// What is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unit {
     Frames,
@@ -160,7 +153,6 @@ pub(crate) enum Unit {
 }
 
 impl Unit {
-    /// A count without its unit.
     fn number(self, n: usize) -> String {
         match self {
             Self::Bytes => format!("{:.1}", n as f64 * 1e-6),
@@ -168,7 +160,7 @@ impl Unit {
         }
     }
 
-    /// What stands behind counts.
+    /// The unit after counts.
     fn name(self) -> &'static str {
         match self {
             Self::Frames => "frames",
@@ -177,7 +169,7 @@ impl Unit {
         }
     }
 
-    /// A rate, from one per second.
+    /// A rate, given per second.
     fn rate(self, rate: f64) -> String {
         match self {
             Self::Frames => frame_rate(rate, "fps"),
@@ -193,7 +185,7 @@ impl Unit {
 pub(crate) struct Progress {
     unit: Unit,
     total: Option<usize>,
-    /// What was there before.
+    /// The count at the start, left out of the rate.
     before: usize,
     terminal: bool,
     bar: bool,
@@ -201,18 +193,18 @@ pub(crate) struct Progress {
     last: Instant,
 }
 
-/// Between two drawings of the bar: ten a second look smooth and cost nothing.
+/// Interval between redraws of the bar: ten per second look smooth at negligible cost.
 const REDRAW: Duration = Duration::from_millis(100);
-/// Between two lines where there is no terminal.
+/// Interval between lines without a terminal.
 const REPEAT: Duration = Duration::from_secs(10);
 
 impl Progress {
-    /// Begins. `total` is the number of frames, where known.
+    /// Starts counting frames. `total` is the number of frames, where known.
     pub(crate) fn new(total: Option<usize>) -> Self {
         Self::of(Unit::Frames, total, 0)
     }
 
-    /// Begins to count something. `before` is how much of it was there already.
+    /// Starts counting. `before` is the count already done.
     pub(crate) fn of(unit: Unit, total: Option<usize>, before: usize) -> Self {
         let now = Instant::now();
         Self {
@@ -226,13 +218,13 @@ impl Progress {
         }
     }
 
-    /// Without a bar: there is more to say than how far it is.
+    /// Hides the bar, for commands that show more than a count.
     pub(crate) fn without_bar(mut self) -> Self {
         self.bar = false;
         self
     }
 
-    /// Shows how far it is, now and then. `note` is appended.
+    /// Updates the display at limited rate. `note` is appended.
     pub(crate) fn show(&mut self, done: usize, note: &str) {
         let pause = if self.terminal { REDRAW } else { REPEAT };
         if verbosity() == 0 || self.last.elapsed() < pause {
@@ -241,13 +233,12 @@ impl Progress {
         self.last = Instant::now();
         let mut text = self.text(done, self.start.elapsed(), note);
         if self.terminal {
-            // A longer line could not be written over.
+            // A wrapped line could not be overwritten.
             text = text.chars().take(columns() - 1).collect();
         }
         write_over(&text, !self.terminal);
     }
 
-    /// Removes the bar.
     pub(crate) fn finish(&self) {
         if self.terminal && verbosity() > 0 {
             write_over("", false);
@@ -269,7 +260,7 @@ impl Progress {
             unit.number(total)
         );
         if self.terminal && self.bar {
-            // As floats: the product of two counts of bytes may be too large for an integer.
+            // As floats: the product of two byte counts may overflow.
             let full = (WIDTH as f64 * (done as f64 / total as f64)) as usize;
             let full = full.min(WIDTH);
             format!(

@@ -1,4 +1,4 @@
-//! `doctor`: what is wrong with a recording, from a few seconds of it.
+//! `doctor`: diagnoses a recording from a few seconds of it.
 
 use crate::args::InputArgs;
 use crate::args::doctor::DoctorArgs;
@@ -20,10 +20,9 @@ use stillpoint::recordings::{self, Input};
 use stillpoint::slam::{Config, Event, System};
 use tracing::subscriber::NoSubscriber;
 
-/// Stands for the camera that is connected.
+/// Path argument that means the connected camera.
 const LIVE: &str = "live";
 
-/// `doctor`.
 pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
     let input = InputArgs {
         topics: args.topics.clone(),
@@ -36,7 +35,7 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
     } else {
         (open(&args.path, &input)?, args.start)
     };
-    // An input that `run` refuses is refused here too: images of any size would take any amount of time and memory.
+    // Refuses the inputs that `run` refuses: images of any size would take any amount of time and memory.
     let camera = input.camera().camera;
     System::new(Config::default(), camera, Simd::detect()).map_err(Failure::input)?;
     let mut report = look(&input, start, None, args.seconds)?;
@@ -44,7 +43,7 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
         input.set_back().iter().map(|at| (at.index, at.by)),
         &mut report,
     );
-    // What is wrong with the geometry or the clocks would be learned as a readout.
+    // Errors of geometry or clocks would be taken for a readout.
     if report.findings.is_empty() {
         let followed = follow(&input, start, report.frames)?;
         match followed.readout {
@@ -75,7 +74,7 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
     })
 }
 
-/// Examines so many seconds of an input, and at most so many frames.
+/// Examines an input for this many seconds and at most this many frames.
 fn look(
     input: &Input,
     start: usize,
@@ -95,25 +94,24 @@ fn look(
     examine(&mut frames, setup, seconds).map_err(Failure::input)
 }
 
-/// Standard deviation of a readout that says something, s: a tenth of what readouts are, and a quarter of what they may be before the first frame.
+/// Maximum standard deviation of a readout estimate that is reported, s: a tenth of typical readouts, and a quarter of its standard
+/// deviation before the first frame.
 const MAX_SIGMA: f64 = 0.005;
 
-/// What three seconds leave open beyond that, s: on five streams whose readout is known (fr1_xyz, fr1_rpy_walkers, and the simulator's xyz, rpy and rpy_100)
-/// the estimate was 0, 17, 0, 1 and 8 ms off, the most in fast turns.
+/// Error that three seconds leave beyond the estimated sigma, s: on five streams of known readout (fr1_xyz, fr1_rpy_walkers, and the
+/// simulator's xyz, rpy and rpy_100) the estimate was 0, 17, 0, 1 and 8 ms off, most in fast turns.
 const SYSTEMATIC: f64 = 0.008;
 
-/// What tracking made of some seconds.
 struct Followed {
-    /// The readout of the colour images; none where the frames tell nothing of it.
+    /// The readout of the colour images; `None` where the frames do not determine it.
     readout: Option<Figure>,
-    /// Stamps, s, and `world_from_camera` of the frames that were tracked.
+    /// Stamps, s, and `world_from_camera` of the tracked frames.
     poses: Vec<(f64, Se3)>,
-    /// What an inertial sensor measured and the wheels did meanwhile; tracking did not listen to them.
+    /// Inertial and wheel samples of that time, which tracking did not use.
     samples: Vec<ImuSample>,
     wheels: Vec<OdometrySample>,
 }
 
-/// Tracks the same frames, as many as were looked at.
 fn follow(input: &Input, start: usize, count: usize) -> Result<Followed, Failure> {
     let camera = input.camera().camera;
     let mut system =
@@ -151,12 +149,13 @@ fn follow(input: &Input, start: usize, count: usize) -> Result<Followed, Failure
     })
 }
 
-/// What a run of it looks at, s: enough for all that there is to find.
+/// Duration that is examined beside a run, s: enough for all findings.
 const SECONDS: f64 = 3.0;
-/// Findings that are told at most; the first do most harm.
+/// Maximum number of printed findings, the most harmful first.
 const TOLD: usize = 3;
 
-/// Examines the input on a thread of lower priority while the run begins, so that faults are told in its first seconds. None where the console is quiet.
+/// Examines the input on a thread of lower priority while the run starts, so that problems are reported in its first seconds. `None` if the
+/// console is quiet.
 pub(crate) fn beside_run(path: &Path, input: &InputArgs) -> Option<JoinHandle<()>> {
     if console::is_quiet() {
         return None;
@@ -164,7 +163,7 @@ pub(crate) fn beside_run(path: &Path, input: &InputArgs) -> Option<JoinHandle<()
     let (path, input) = (path.to_owned(), input.clone());
     let work = move || {
         priority::lower(Stage::Detection);
-        // Spans of this thread stay out of the run's times and trace.
+        // Keeps the spans of this thread out of the run's timing and trace.
         tracing::subscriber::with_default(NoSubscriber::default(), || tell(&path, &input));
     };
     std::thread::Builder::new()
@@ -173,9 +172,9 @@ pub(crate) fn beside_run(path: &Path, input: &InputArgs) -> Option<JoinHandle<()
         .ok()
 }
 
-/// The short form: a line for each thing that is wrong with an input, the most harmful first, and nothing where nothing is.
+/// Prints a line per finding, the most harmful first; nothing if there are none.
 fn tell(path: &Path, input: &InputArgs) {
-    // The run has said what cannot be read.
+    // The run itself reports an unreadable input.
     let Ok(opened) = recordings::open(path, &options(input)) else {
         return;
     };

@@ -1,14 +1,13 @@
-//! Downloads as the user sees them.
+//! Progress and messages of downloads.
 
 use crate::console::{self, Unit};
 use stillpoint::fetch::Checksum;
 
-/// Bytes as megabytes.
 pub(crate) fn megabytes(bytes: u64) -> String {
     format!("{:.1} MB", bytes as f64 * 1e-6)
 }
 
-/// Where a file came from, and how much of it came now.
+/// The source of a file, and how much of it was transferred this time.
 pub(crate) fn came(transferred: u64, resumed: u64, url: &str) -> String {
     match (transferred, resumed) {
         (0, _) => "it was here".to_owned(),
@@ -21,7 +20,7 @@ pub(crate) fn came(transferred: u64, resumed: u64, url: &str) -> String {
     }
 }
 
-/// What is known about a checksum.
+/// Describes how a checksum was verified.
 pub(crate) fn about(checksum: Checksum) -> &'static str {
     match checksum {
         Checksum::Verified => "as published",
@@ -32,14 +31,13 @@ pub(crate) fn about(checksum: Checksum) -> &'static str {
     }
 }
 
-/// How far it is.
 #[derive(Default)]
 pub(crate) struct Bar {
     shown: Option<console::Progress>,
 }
 
 impl Bar {
-    /// Bytes that are here, of all where their number is known. `resumed` were here before.
+    /// Bytes received, and in total if known. `resumed` of them came from an earlier download.
     pub(crate) fn receiving(&mut self, received: u64, total: Option<u64>, resumed: u64) {
         let bar = self.shown.get_or_insert_with(|| {
             if resumed > 0 {
@@ -50,7 +48,6 @@ impl Bar {
         bar.show(count(received), "");
     }
 
-    /// Removes it.
     pub(crate) fn finish(&mut self) {
         if let Some(bar) = self.shown.take() {
             bar.finish();

@@ -1,12 +1,10 @@
-//! How a command ended, and the one place that maps it to exit codes.
+//! Outcome of a command and its exit code.
 
 use std::fmt::Display;
 use std::path::Path;
 
-/// The end of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Status {
-    /// Everything worked.
     Ok,
     /// It ran, but lost track or failed its criteria.
     Failed,
@@ -15,7 +13,6 @@ pub(crate) enum Status {
 }
 
 impl Status {
-    /// What the process exits with.
     pub(crate) fn code(self) -> u8 {
         match self {
             Self::Ok => 0,
@@ -25,8 +22,7 @@ impl Status {
     }
 }
 
-/// A command that could not be carried out, with a message that says what was expected, what was found, where, and what to
-/// do.
+/// Why a command failed: a message with expectation, finding, location and remedy.
 #[derive(Debug)]
 pub(crate) struct Failure {
     message: String,
@@ -34,7 +30,7 @@ pub(crate) struct Failure {
 }
 
 impl Failure {
-    /// Usage or input is wrong.
+    /// Wrong usage or input.
     pub(crate) fn input(message: impl Display) -> Self {
         Self {
             message: message.to_string(),
@@ -42,7 +38,7 @@ impl Failure {
         }
     }
 
-    /// It ran and failed its criteria.
+    /// The command ran but failed its criteria.
     pub(crate) fn criteria(message: impl Display) -> Self {
         Self {
             message: message.to_string(),
@@ -50,12 +46,12 @@ impl Failure {
         }
     }
 
-    /// A file or folder that `--out` named could not be written.
+    /// A file or folder below `--out` could not be written.
     pub(crate) fn write(path: &Path, reason: &std::io::Error) -> Self {
         Self::write_of(path, "--out", reason)
     }
 
-    /// A file or folder that `option` named could not be written.
+    /// A file or folder named by `option` could not be written.
     pub(crate) fn write_of(path: &Path, option: &str, reason: &std::io::Error) -> Self {
         Self::input(format!(
             "{}: expected to write it, found: {reason}; check the folder's permissions and the free space, or name another with {option}",
@@ -63,14 +59,13 @@ impl Failure {
         ))
     }
 
-    /// A thread could not be started.
     pub(crate) fn thread(reason: std::io::Error) -> Self {
         Self::input(format!(
             "expected to start a thread, found: {reason}; end other programs"
         ))
     }
 
-    /// The same, with where it was found.
+    /// Prefixes the message with a location.
     pub(crate) fn at(self, place: &str) -> Self {
         Self {
             message: format!("{place}: {}", self.message),
@@ -78,7 +73,6 @@ impl Failure {
         }
     }
 
-    /// What the process exits with.
     pub(crate) fn status(&self) -> Status {
         self.status
     }

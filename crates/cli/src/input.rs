@@ -1,4 +1,4 @@
-//! From the arguments to an input that is open.
+//! Opens the input that the arguments name.
 
 use crate::args::InputArgs;
 use crate::console;
@@ -7,14 +7,13 @@ use std::path::Path;
 use stillpoint::datasets::{CameraChoice, StampedPose};
 use stillpoint::recordings::{self, OpenOptions};
 
-/// Opens the data set or recording and says what was guessed.
+/// Opens the data set or recording and prints the guesses.
 pub(crate) fn open(path: &Path, input: &InputArgs) -> Result<recordings::Input, Failure> {
     let dataset = recordings::open(path, &options(input))?;
     say(&dataset);
     Ok(dataset)
 }
 
-/// What was guessed about an input.
 pub(crate) fn say(dataset: &recordings::Input) {
     for guess in dataset.guesses() {
         console::info(guess);
@@ -31,7 +30,7 @@ pub(crate) fn say(dataset: &recordings::Input) {
     }
 }
 
-/// How the arguments want it opened.
+/// The arguments as options of `recordings::open`.
 pub(crate) fn options(input: &InputArgs) -> OpenOptions {
     OpenOptions {
         camera: input.camera.as_deref().map(CameraChoice::from_argument),
@@ -49,7 +48,6 @@ pub(crate) fn options(input: &InputArgs) -> OpenOptions {
     }
 }
 
-/// Says what was found out about a file of poses.
 pub(crate) fn said((poses, remarks): (Vec<StampedPose>, Vec<String>)) -> Vec<StampedPose> {
     remarks.iter().for_each(|r| console::info(r));
     poses

@@ -1,13 +1,12 @@
-//! Ctrl-C: the first asks the loop to end after the frame at hand, the second ends the process. Before the loop has begun there is
-//! nothing to be saved, and the first ends the process.
+//! Ctrl-C: the first asks the loop to end after the current frame, the second ends the process. Before the loop starts there is nothing to
+//! save, and the first ends the process.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Exit code of a process that a signal ended at once.
+/// Exit code of a process ended by a signal.
 const ENDED: i32 = 130;
 
-/// Says whether the user asked to stop.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Interrupt {
     requested: Arc<AtomicBool>,
@@ -16,21 +15,21 @@ pub(crate) struct Interrupt {
 }
 
 impl Interrupt {
-    /// Starts to listen for Ctrl-C (SIGINT), SIGTERM and SIGHUP. A terminal sends SIGHUP when it closes; a process started with
-    /// `nohup` ignores it. If a signal cannot be caught, it ends the process at once, as usual.
+    /// Handles Ctrl-C (SIGINT), SIGTERM and SIGHUP. A terminal sends SIGHUP when it closes; a process started with `nohup` ignores it. A
+    /// signal that cannot be handled ends the process at once, as usual.
     pub(crate) fn listen() -> Self {
         let interrupt = Self::prepare();
         interrupt.begin();
         interrupt
     }
 
-    /// The same for what takes a while before there is anything to be saved: until [`Self::begin`] the first signal ends the process.
+    /// Like [`Self::listen`], but the first signal ends the process until [`Self::begin`] is called.
     pub(crate) fn prepare() -> Self {
         let interrupt = Self::default();
         interrupt.at_once.store(true, Ordering::SeqCst);
         for signal in signals() {
             use signal_hook::flag::{register, register_conditional_shutdown};
-            // Order matters: the shutdown sees the flag as it was before this signal.
+            // The order matters: the shutdown handler must see the flag from before this signal.
             let (requested, at_once) = (&interrupt.requested, &interrupt.at_once);
             let armed = register_conditional_shutdown(signal, ENDED, Arc::clone(at_once))
                 .and_then(|_| register(signal, Arc::clone(requested)))
@@ -42,14 +41,13 @@ impl Interrupt {
         interrupt
     }
 
-    /// From now on there is something to be saved: the next signal is a request.
+    /// From here on there are results to save: the next signal is a request.
     pub(crate) fn begin(&self) {
         if !self.requested() {
             self.at_once.store(false, Ordering::SeqCst);
         }
     }
 
-    /// What becomes true once the user asked to stop.
     pub(crate) fn flag(&self) -> &AtomicBool {
         &self.requested
     }
@@ -60,7 +58,6 @@ impl Interrupt {
     }
 }
 
-/// The signals that ask to stop.
 fn signals() -> Vec<i32> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     let mut signals = vec![SIGINT, SIGTERM];
@@ -71,7 +68,7 @@ fn signals() -> Vec<i32> {
     signals
 }
 
-/// Whether the process was started with SIGHUP ignored. Only Linux tells; elsewhere it is taken not to be.
+/// Whether the process was started with SIGHUP ignored. Known only on Linux; elsewhere false.
 #[cfg(unix)]
 fn ignores_hangup() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -90,10 +87,10 @@ mod tests {
     use signal_hook::low_level::raise;
     use std::process::Command;
 
-    /// Tells the process that is sent signals what to do.
+    /// Environment variable that selects the case of the child process.
     const CASE: &str = "STILLPOINT_TEST_INTERRUPT";
 
-    /// Not a test: the process that is sent signals. One that comes to its end says so by its exit code.
+    /// Not a test: the child process that receives signals. Reports by its exit code that it reached its end.
     #[test]
     fn child_that_is_interrupted() {
         let Some(case) = std::env::var_os(CASE) else {
@@ -113,7 +110,7 @@ mod tests {
         assert!(!interrupt.requested());
         raise(signal).unwrap();
         assert!(interrupt.requested());
-        // Too late to begin anew.
+        // Too late to re-arm.
         interrupt.begin();
         raise(SIGINT).unwrap();
         std::process::exit(51);

@@ -1,10 +1,9 @@
-//! The command line of Stillpoint: arguments to a resolved configuration to wiring to an exit code.
+//! The command line of Stillpoint: from arguments to a resolved configuration, a run and an exit code. It contains no algorithms.
 //!
-//! Answers: what the user asked for, which parts do it, and how it ended. Holds no method of its own. This is the only
-//! place that reads the environment, and but for live runs the only one that reads the clock; results never depend on either.
+//! Only this crate reads the environment and, except for live runs, the clock; results depend on neither.
 //!
-//! It is a library so that more than one program can hold it: `stillpoint` itself, and the Python package, whose wheel has the
-//! command line too. [`run`] is all of it; [`front`] is what other front ends take over, so that the same words mean the same there.
+//! It is a library because two programs contain it: `stillpoint`, and the Python package, whose wheel includes the command line. [`run`] is
+//! the complete command line; [`front`] holds what other front ends share with it.
 
 mod args;
 mod batch;
@@ -55,33 +54,30 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// What the process was told, the program's name first.
+/// The command line, starting with the program's name.
 static TYPED: OnceLock<Vec<OsString>> = OnceLock::new();
-/// What starts this program once more, before its arguments; nothing where it is an executable of its own.
+/// How to start this program again; unset where it is an executable of its own.
 static LAUNCHER: OnceLock<Launcher> = OnceLock::new();
 
-/// How this program is started by another executable.
 #[derive(Debug)]
 struct Launcher {
-    /// The executable and what it has to be told before the arguments.
     words: Vec<OsString>,
-    /// The file that holds the program.
     file: PathBuf,
 }
 
-/// Carries out a command line, the program's name first, and returns the exit code: 0 well, 1 lost frames or failed criteria, 2 unusable
-/// arguments or input. It is the process's only one: it listens to signals, and takes over what panics and spans say.
+/// Runs a command line, starting with the program's name, and returns the exit code: 0 success, 1 lost frames or failed criteria, 2
+/// unusable arguments or input. May be called once per process, since it installs signal handlers, a panic hook and a tracing subscriber.
 #[must_use]
 pub fn run(typed: Vec<OsString>) -> u8 {
     keep_expected_panics_quiet();
     batch::child::end_with_parent();
     let arguments = Arguments::try_parse_from(&typed);
-    // A second command line in one process would be recorded as the first.
+    // Kept for reports. A second command line in one process would be recorded as the first.
     let _ = TYPED.set(typed);
     let arguments = match arguments {
         Ok(arguments) => arguments,
         Err(e) => {
-            // Help and version go to stdout and end with 0, mistakes to stderr with 2.
+            // Help and version go to stdout with exit code 0, errors to stderr with 2.
             let text = e.render().to_string();
             if e.use_stderr() {
                 console::line(text.trim_end());
@@ -101,18 +97,17 @@ pub fn run(typed: Vec<OsString>) -> u8 {
     .code()
 }
 
-/// Says how this program is started once more, as benchmarks and trials of models do, where the process's own executable is another one: that
-/// one, and what it has to be told before the arguments. `file` is the library that holds the program. The first who says so is heard.
+/// Sets how child processes (benchmarks, trials of models) start this program where the executable is another one: that executable with its
+/// first arguments. `file` is the library that contains the program. Only the first call has an effect.
 pub fn launch_by(words: Vec<OsString>, file: PathBuf) {
     let _ = LAUNCHER.set(Launcher { words, file });
 }
 
-/// What the user typed after the program's name.
+/// The arguments after the program's name.
 fn typed() -> impl Iterator<Item = &'static OsString> {
     TYPED.get().into_iter().flatten().skip(1)
 }
 
-/// This program, to be run in a process of its own.
 fn program() -> std::io::Result<Command> {
     let mut command = match LAUNCHER.get().map(|l| l.words.as_slice()) {
         Some([first, told @ ..]) => {
@@ -122,12 +117,12 @@ fn program() -> std::io::Result<Command> {
         }
         _ => Command::new(std::env::current_exe()?),
     };
-    // What a batch says to its runs is not for what these start.
+    // Children of a batch run must not inherit its parent id.
     command.env_remove(batch::child::PARENT);
     Ok(command)
 }
 
-/// The file whose bytes are this program.
+/// The file that contains this program, for digests.
 fn program_file() -> std::io::Result<PathBuf> {
     match LAUNCHER.get() {
         Some(launcher) => Ok(launcher.file.clone()),
@@ -135,7 +130,7 @@ fn program_file() -> std::io::Result<PathBuf> {
     }
 }
 
-/// Panics of a network's runtime become errors with a message. Others are mistakes of this program, and are told as usual.
+/// Silences panics of network runtimes, which become errors with a message. Other panics are bugs and are printed as usual.
 fn keep_expected_panics_quiet() {
     let usual = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {
@@ -146,7 +141,7 @@ fn keep_expected_panics_quiet() {
     }));
 }
 
-/// How the program ends: what it was to say on stdout is part of what it was to do.
+/// The final status: failed output on stdout counts as a failure.
 fn told(status: Status) -> Status {
     match console::lost() {
         None => status,

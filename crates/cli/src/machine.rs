@@ -2,23 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Where figures were measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Machine {
-    /// Processor, as it names itself; its architecture where that is not known.
+    /// Processor name, or its architecture if unknown.
     pub(crate) cpu: String,
-    /// Cores that the process may use.
+    /// Cores available to the process.
     pub(crate) cores: usize,
-    /// Operating system and version of its kernel, without what distributors add to that.
+    /// Operating system and kernel version, without the distributor's suffix.
     pub(crate) system: String,
-    /// Compiler of this program.
     pub(crate) rustc: String,
-    /// Version of this program.
     pub(crate) stillpoint: String,
 }
 
 impl Machine {
-    /// This machine.
     pub(crate) fn here() -> Self {
         let read = |path| std::fs::read_to_string(path).unwrap_or_default();
         let cpu = read("/proc/cpuinfo")
@@ -43,7 +39,7 @@ impl Machine {
     }
 }
 
-/// The largest amount of memory that this process has held so far, bytes; `None` where the system does not say.
+/// Peak memory of this process, bytes; `None` where the system does not report it.
 pub(crate) fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;

@@ -1,5 +1,4 @@
-//! The result folder, and single large files: written aside, then moved into place, so that nothing half-written replaces
-//! an old result.
+//! The result folder, and single large files: written aside, then moved into place, so that an incomplete result never replaces an old one.
 
 use crate::failure::Failure;
 use std::collections::BTreeSet;
@@ -9,7 +8,7 @@ use std::path::{Path, PathBuf};
 use stillpoint::datasets::AtomicFile;
 use stillpoint::map::SubmapId;
 
-/// Every file that a result may hold, beside those of further submaps.
+/// Every file of a result, beside those of further submaps.
 const FILES: [&str; 20] = [
     "trajectory.txt",
     "trajectory_covariance.txt",
@@ -33,12 +32,12 @@ const FILES: [&str; 20] = [
     "grid_crossed.pgm",
 ];
 
-/// Whether a file in a result folder is the result's.
+/// Whether a file name belongs to a result.
 pub(crate) fn is_result_file(name: &str) -> bool {
     FILES.contains(&name) || is_submap_file(name)
 }
 
-/// The file of the poses of a submap: the first is the run's trajectory.
+/// File name for the poses of a submap: the first is the run's trajectory.
 pub(crate) fn submap_file(number: usize, id: SubmapId) -> String {
     if number == 0 {
         "trajectory.txt".to_owned()
@@ -47,38 +46,36 @@ pub(crate) fn submap_file(number: usize, id: SubmapId) -> String {
     }
 }
 
-/// Whether a file of this name holds the poses of a further submap.
+/// Whether the name is that of the poses of a further submap.
 fn is_submap_file(name: &str) -> bool {
     let id = name.strip_prefix("trajectory_submap_");
     let id = id.and_then(|rest| rest.strip_suffix(".txt"));
     id.is_some_and(|id| id.parse::<u32>().is_ok())
 }
 
-/// A result in the making, or another folder of files that replace those of an earlier run. Files go into a hidden folder inside the result folder; [`ResultFolder::commit`] moves them.
-/// Dropping it without that leaves the older result as it was.
+/// A result folder before it is committed, or another folder whose files replace those of an earlier run. Files are written to a hidden
+/// folder inside it, and [`ResultFolder::commit`] moves them. Dropping it instead keeps the older result.
 #[derive(Debug)]
 pub(crate) struct ResultFolder {
     out: PathBuf,
     aside: PathBuf,
-    /// The option that named the folder, for messages.
     option: &'static str,
-    /// Which names a result may hold: those of an older result that a new one lacks are removed with it.
+    /// Names of result files: those of an older result that the new one lacks are removed.
     is_ours: fn(&str) -> bool,
     names: BTreeSet<String>,
-    /// Held for as long as this folder is in the making: it ends with the process, however that ends.
+    /// Held until the commit; the system releases it when the process ends, however that happens.
     _lock: Option<File>,
-    /// The topmost folder that did not exist before.
+    /// The topmost folder that was created.
     created: Option<PathBuf>,
 }
 
 impl ResultFolder {
-    /// Makes the folder where it does not exist, and tries to write into it, so that a run of an hour does not end with a
-    /// folder that cannot be written.
+    /// Creates the folder if it is missing, and tests that it is writable, so that this is not found out at the end of a run.
     pub(crate) fn create(out: &Path) -> Result<Self, Failure> {
         Self::create_of(out, "--out", is_result_file)
     }
 
-    /// The same for the folder that another option names, with files of other names.
+    /// Like [`Self::create`], for the folder of another option, with other file names.
     pub(crate) fn create_of(
         out: &Path,
         option: &'static str,
@@ -115,7 +112,6 @@ impl ResultFolder {
         Ok(folder)
     }
 
-    /// Writes a file aside.
     pub(crate) fn write(&mut self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
         let mut file = self.begin(name)?;
         file.write_all(bytes)
@@ -124,7 +120,6 @@ impl ResultFolder {
             .map_err(|e| self.failure(name, &e))
     }
 
-    /// Begins a file aside, for what is written bit by bit.
     pub(crate) fn begin(&mut self, name: &str) -> Result<File, Failure> {
         debug_assert!((self.is_ours)(name), "{name} is none of the known files");
         let file = File::create(self.aside.join(name)).map_err(|e| self.failure(name, &e))?;
@@ -138,7 +133,7 @@ impl ResultFolder {
             std::fs::rename(self.aside.join(name), self.out.join(name))
                 .map_err(|e| self.failure(name, &e))?;
         }
-        // What cannot be listed or removed does no harm.
+        // Failures to list or remove are harmless.
         let old = std::fs::read_dir(&self.out).into_iter().flatten().flatten();
         for name in old.filter_map(|entry| entry.file_name().into_string().ok()) {
             if (self.is_ours)(&name) && !self.names.contains(&name) {
@@ -155,10 +150,10 @@ impl ResultFolder {
 
 impl Drop for ResultFolder {
     fn drop(&mut self) {
-        // Nothing can be done about a failure here; the folder is hidden and says that it is unfinished.
+        // A failure is ignored: the folder is hidden and named as unfinished.
         let _ = std::fs::remove_dir_all(&self.aside);
         if let Some(top) = &self.created {
-            // Removes folders made for nothing; those that hold a result are not empty and stay.
+            // Removes the folders created here; those with other contents are not empty and stay.
             for folder in self.out.ancestors() {
                 let _ = std::fs::remove_dir(folder);
                 if folder == top {
@@ -169,31 +164,29 @@ impl Drop for ResultFolder {
     }
 }
 
-/// Begins the names of folders whose files are not yet in their place; then come the option and the number of the process.
+/// Name prefix of folders that are not yet committed; followed by the option and the process id.
 const UNFINISHED: &str = ".unfinished";
-/// The file in each that its process holds locked.
 const LOCK: &str = "lock";
-/// Such a folder without a lock is being made at this moment, or is as old as this, s, and of a process that was killed then.
+/// Minimum age of such a folder without a lock, after which its process counts as killed; a younger one may be in the making.
 const ABANDONED: std::time::Duration = std::time::Duration::from_secs(60);
 
-/// Makes a folder and locks it.
 fn locked(aside: &Path) -> std::io::Result<File> {
     loop {
         std::fs::create_dir_all(aside)?;
         let path = aside.join(LOCK);
         let mut lock = File::create(&path)?;
-        // Whether there is room at all is best known now.
+        // Also tests for a full disk.
         lock.write_all(b"held by the process that fills this folder\n")?;
-        // Not every file system has locks; there, no folder is ever taken for an abandoned one.
+        // On file systems without locks no folder ever counts as abandoned.
         let _ = lock.lock();
-        // Between the two, another process may have taken it for one.
+        // Another process may have removed it as abandoned before it was locked.
         if path.exists() {
             return Ok(lock);
         }
     }
 }
 
-/// Removes what processes left in a result folder that were killed. What cannot be listed or removed does no harm.
+/// Removes the unfinished folders of killed processes from a result folder; failures are harmless.
 fn remove_unfinished(out: &Path) {
     let entries = std::fs::read_dir(out).into_iter().flatten().flatten();
     for entry in entries {
@@ -205,7 +198,7 @@ fn remove_unfinished(out: &Path) {
     }
 }
 
-/// Whether a name is one that [`ResultFolder`] gives, as no one else does.
+/// Whether a name has the form that [`ResultFolder`] gives to unfinished folders.
 fn is_unfinished(name: &str) -> bool {
     let Some((option, process)) = name
         .strip_prefix(UNFINISHED)
@@ -216,10 +209,10 @@ fn is_unfinished(name: &str) -> bool {
     option.starts_with("--") && process.parse::<u32>().is_ok()
 }
 
-/// Whether nobody fills a folder any more.
+/// Whether the process of an unfinished folder is gone.
 fn is_abandoned(aside: &Path) -> bool {
     match OpenOptions::new().write(true).open(aside.join(LOCK)) {
-        // Another program that reads it with a lock is none that writes to the folder.
+        // A reader that locks the file does not count as its writer.
         Ok(lock) => lock.try_lock().is_ok(),
         Err(_) => {
             let made = std::fs::metadata(aside).and_then(|m| m.modified());
@@ -228,12 +221,10 @@ fn is_abandoned(aside: &Path) -> bool {
     }
 }
 
-/// A file too large to be held in memory, or begun before the work whose result it is to hold: it takes its place when all is
-/// there. Dropping it without that leaves what was there before.
+/// A file that is written incrementally and moved into place when complete. Dropping it before keeps the existing file.
 #[derive(Debug)]
 pub(crate) struct StreamedFile {
     path: PathBuf,
-    /// The option that named the file, for messages.
     option: &'static str,
     writer: BufWriter<AtomicFile>,
 }
@@ -256,7 +247,6 @@ impl StreamedFile {
         write(&mut self.writer).map_err(|e| Failure::write_of(&self.path, self.option, &e))
     }
 
-    /// Puts the file where it belongs.
     pub(crate) fn finish(self) -> Result<(), Failure> {
         let file = self.writer.into_inner().map_err(|e| e.into_error());
         file.and_then(AtomicFile::commit)
@@ -264,7 +254,7 @@ impl StreamedFile {
     }
 }
 
-/// Writes one file as a whole, outside of a result folder.
+/// Writes one file atomically, outside of a result folder.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     stillpoint::datasets::write_atomic(path, bytes).map_err(Failure::from)
 }
@@ -310,7 +300,7 @@ mod tests {
     fn what_killed_processes_left_is_removed() {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path();
-        // Of a process that was killed: nobody holds the lock. Of one at work, and of somebody else.
+        // Of a killed process, without a lock holder; of a running one; of another program.
         let dead = out.join(".unfinished--out-4000000000");
         drop(locked(&dead).unwrap());
         std::fs::write(dead.join("trajectory.txt"), "half").unwrap();
@@ -325,7 +315,7 @@ mod tests {
         }
         let folder = ResultFolder::create(out).unwrap();
         assert!(!dead.exists() && alive.exists());
-        // The last one has no lock and is too young to be given up; before there were locks, others were left.
+        // Without a lock, and too young to be abandoned; older versions left folders without locks.
         assert!(out.join(".unfinished--out-7").exists());
         let old = File::open(out.join(".unfinished--out-7")).unwrap();
         let then = std::time::SystemTime::now() - 2 * ABANDONED;
@@ -375,7 +365,7 @@ mod tests {
         }
     }
 
-    /// A device is written to and not replaced; this one is always full.
+    /// A device is written to and not replaced; `/dev/full` is always full.
     #[test]
     #[cfg(target_os = "linux")]
     fn a_full_device_is_reported() {

@@ -1,5 +1,4 @@
-//! `completions` and `man`: what packages of the program bring beside it, made of the same description of the commands as
-//! their help.
+//! `completions` and `man`, generated from the command definitions.
 
 use crate::args::Arguments;
 use crate::args::packaging::{CompletionsArgs, ManArgs};
@@ -10,11 +9,10 @@ use clap::{Command, CommandFactory};
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
 
-/// The date on the manual pages, which is that of the last change to what commands take: a page must have one, and the time of
-/// the build would make every build another one.
+/// Date of the manual pages: that of the last change of the command line. Pages need one, and the build time would make every build
+/// different.
 const DATE: &str = "2026-11-28";
 
-/// `completions`.
 pub(crate) fn completions(args: &CompletionsArgs) -> Status {
     let mut script = Vec::new();
     clap_complete::generate(
@@ -27,7 +25,6 @@ pub(crate) fn completions(args: &CompletionsArgs) -> Status {
     Status::Ok
 }
 
-/// `man`.
 pub(crate) fn man(args: &ManArgs) -> Result<Status, Failure> {
     std::fs::create_dir_all(&args.out).map_err(|e| {
         Failure::input(format!(
@@ -47,10 +44,9 @@ pub(crate) fn man(args: &ManArgs) -> Result<Status, Failure> {
     Ok(Status::Ok)
 }
 
-/// File name and text of every manual page.
 fn pages() -> Vec<(String, String)> {
     let mut root = Arguments::command().disable_help_subcommand(true);
-    // Gives every command the options of the program and its full name.
+    // Adds global options and full names to every command.
     root.build();
     let mut open = vec![root];
     let mut pages = Vec::new();
@@ -68,7 +64,7 @@ fn full_name(command: &Command) -> String {
     name.unwrap_or_else(|| command.get_name()).to_owned()
 }
 
-/// Sections as in other manuals. `clap_mangen` would run the lines of examples together, so what is laid out in lines is written here.
+/// The sections of a manual page. `clap_mangen` would join the lines of examples, so that sections with line breaks are written here.
 fn page(command: Command) -> String {
     let version = env!("CARGO_PKG_VERSION");
     let man = Man::new(command.clone())
@@ -77,7 +73,7 @@ fn page(command: Command) -> String {
         .source(format!("Stillpoint {version}"))
         .manual("Stillpoint");
     let mut text = Vec::new();
-    // A vector takes whatever is written to it.
+    // Writing to a vector cannot fail.
     let _ = man.render_title(&mut text);
     let _ = man.render_name_section(&mut text);
     let _ = man.render_synopsis_section(&mut text);
@@ -116,10 +112,10 @@ fn commands(command: &Command) -> Roff {
     roff
 }
 
-/// Text as help shows it: a line `Examples:` heads a section, indented lines stay lines, others are paragraphs.
+/// Help text as roff: a line `Examples:` heads a section, indented lines stay lines, others are paragraphs.
 fn lines(roff: &mut Roff, text: &str) {
     let mut kept = false;
-    // After a heading, paragraphs are not parted from what is before them.
+    // No paragraph break directly after a heading.
     let mut first = true;
     let mut gap = false;
     for line in text.lines() {
@@ -153,11 +149,11 @@ fn lines(roff: &mut Roff, text: &str) {
     }
 }
 
-/// Bytes of a line of text that checkers of manual pages take.
+/// Maximum line length that manual page checkers accept, bytes.
 const WIDTH: usize = 80;
 
-/// Without what checkers of manual pages object to: spaces at ends of lines, empty and long lines, breaks after breaks, and definitions
-/// told again by every section.
+/// Removes what manual page checkers reject: trailing spaces, empty and long lines, repeated breaks, and definitions repeated in every
+/// section.
 fn tidy(text: &str) -> String {
     let mut lines: Vec<String> = Vec::new();
     let mut kept = false;
@@ -178,7 +174,7 @@ fn tidy(text: &str) -> String {
     lines.join("\n") + "\n"
 }
 
-/// A line of running text as lines of at most [`WIDTH`] bytes. None begins as a command does.
+/// Wraps running text to [`WIDTH`] bytes. No line may begin like a roff command.
 fn wrap(text: &str, lines: &mut Vec<String>) {
     let mut line = String::new();
     for word in text.split(' ') {
@@ -201,7 +197,6 @@ mod tests {
     use clap::ValueEnum;
     use clap_complete::Shell;
 
-    /// Every command with its full name, as the program has it.
     fn commands() -> Vec<(String, Command)> {
         let mut root = Arguments::command().disable_help_subcommand(true);
         root.build();
@@ -213,7 +208,6 @@ mod tests {
         all
     }
 
-    /// Long names of the options that help shows.
     fn options(command: &Command) -> Vec<String> {
         let shown = command.get_arguments().filter(|a| !a.is_hide_set());
         let long = shown.filter_map(|a| a.get_long());
@@ -239,7 +233,7 @@ mod tests {
             for (name, command) in &commands {
                 assert!(words.contains(command.get_name()), "{shell}: {name}");
                 for option in options(command) {
-                    // The scripts of fish have the names of options without their dashes.
+                    // Fish scripts have option names without dashes.
                     let dashed = format!("--{option}");
                     assert!(
                         words.contains(dashed.as_str()) || words.contains(option.as_str()),

@@ -1,9 +1,9 @@
-//! Priorities of threads: threads that do not track give way to tracking.
+//! Thread priorities: other threads yield to tracking.
 
 use stillpoint::live::Stage;
 
-/// By how much less urgent a stage is than tracking, as a nice value. Mapping and detection share what tracking leaves: where that is
-/// little, mapping puts less work into each keyframe, and the detector looks at fewer frames. Loops may come late.
+/// Nice value of a stage relative to tracking. Mapping and detection share the remaining time: where that is little, mapping does less per
+/// keyframe, and the detector skips frames. Loops may come late.
 fn niceness(stage: Stage) -> i32 {
     match stage {
         Stage::Tracking => 0,
@@ -12,8 +12,8 @@ fn niceness(stage: Stage) -> i32 {
     }
 }
 
-/// Lowers the priority of this thread to what its stage needs. To be called once per thread. Threads that it starts
-/// from now on have the same.
+/// Lowers the priority of this thread to that of its stage. Call it once per thread; threads that it starts afterwards inherit the
+/// priority.
 pub(crate) fn lower(stage: Stage) {
     let by = niceness(stage);
     if by > 0 {
@@ -21,13 +21,12 @@ pub(crate) fn lower(stage: Stage) {
     }
 }
 
-/// In Linux a nice value is a thread's, elsewhere the whole process's, which is left alone.
+/// On Linux a nice value belongs to a thread, elsewhere to the whole process, which is left alone.
 #[cfg(target_os = "linux")]
 fn lower_by(by: i32) {
     use rustix::process::{getpriority_process, setpriority_process};
     let thread = Some(rustix::thread::gettid());
-    // Lowers the thread further even if the user lowered it already. If the system refuses, all threads keep
-    // the same priority.
+    // Relative to the priority that the user set. If the system refuses, the priority stays.
     if let Ok(before) = getpriority_process(thread) {
         let _ = setpriority_process(thread, (before + by).min(19));
     }

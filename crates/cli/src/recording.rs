@@ -1,4 +1,4 @@
-//! `recording`: what is in a recording, conversions between recordings and data set folders, and parts of them.
+//! `recording`: inspects recordings, converts between recordings and data set folders, and cuts.
 
 use crate::args::recording::{
     RecordingCommand, RecordingConvertArgs, RecordingCutArgs, RecordingInfoArgs,
@@ -15,7 +15,6 @@ use stillpoint::datasets::{ColourFormat, FrameOptions, ReadAhead, Recorder, Stam
 use stillpoint::imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame};
 use stillpoint::recordings::{self, Info, Input, McapRecorder};
 
-/// `recording`.
 pub(crate) fn recording(command: &RecordingCommand) -> Result<Status, Failure> {
     match command {
         RecordingCommand::Info(args) => info(args),
@@ -24,7 +23,6 @@ pub(crate) fn recording(command: &RecordingCommand) -> Result<Status, Failure> {
     }
 }
 
-/// A topic, for `--json`.
 #[derive(Serialize)]
 struct TopicJson<'a> {
     name: &'a str,
@@ -36,14 +34,14 @@ struct TopicJson<'a> {
     last: Option<f64>,
 }
 
-/// What a run would make of a recording, for `--json`.
+/// The topics that a run would use, for `--json`.
 #[derive(Serialize)]
 struct InfoJson<'a> {
     path: String,
     format: &'a str,
     topics: Vec<TopicJson<'a>>,
     remarks: &'a [String],
-    /// Frames that a run would get, and what was guessed for it; none where it would be refused.
+    /// Number of frames of a run, and its guesses; `None` where a run would refuse the input.
     #[serde(skip_serializing_if = "Option::is_none")]
     frames: Option<usize>,
     guesses: Vec<String>,
@@ -128,21 +126,15 @@ fn text(found: &Info, opened: &Result<Input, recordings::RecordingError>) -> Str
     text
 }
 
-/// What was written, for `--json`.
 #[derive(Serialize)]
 struct Written {
     path: String,
     frames: usize,
-    /// Frames that could not be read.
     left_out: usize,
-    /// Stamps of the first and the last frame, s.
     first: Option<f64>,
     last: Option<f64>,
-    /// Poses of ground truth.
     poses: usize,
-    /// Samples of an inertial sensor.
     inertial: usize,
-    /// Samples of odometry.
     odometry: usize,
 }
 
@@ -173,7 +165,6 @@ impl Written {
     }
 }
 
-/// What is written to.
 enum Target {
     Mcap(Box<McapRecorder>),
     Folder(Box<Recorder>),
@@ -195,7 +186,6 @@ impl Target {
         Ok(())
     }
 
-    /// Says how many were written.
     fn add_odometry(&mut self, samples: &[OdometrySample]) -> Result<usize, Failure> {
         match self {
             Self::Mcap(r) => Ok(r.add_odometry(samples)?),
@@ -246,14 +236,14 @@ fn cut(args: &RecordingCutArgs) -> Result<Status, Failure> {
     written.say(args.json)
 }
 
-/// The frames from `start` on and before `end`, both in s after the first of them. Stamps are in order.
+/// The frames from `start` and before `end`, both in s after the first frame. Stamps are sorted.
 fn part(stamps: &[f64], start: Option<f64>, end: Option<f64>) -> Range<usize> {
     let origin = stamps.first().copied().unwrap_or(0.0);
     let before = |time: f64| stamps.partition_point(|s| s - origin < time);
     start.map_or(0, before)..end.map_or(stamps.len(), before)
 }
 
-/// Begins what is written of an input from a frame on, with how the sensors beside the camera are mounted.
+/// Starts the output for an input from a frame on, with the mounting of its other sensors.
 fn target(input: &Input, out: &Path, start: usize) -> Result<Target, Failure> {
     let (model, imu, wheels) = (input.camera(), input.imu(), input.odometry());
     if is_mcap(out) {
@@ -313,7 +303,7 @@ fn write(
         }
     }
     let (first, last) = times.unwrap_or((f64::INFINITY, f64::NEG_INFINITY));
-    // A second around, so that poses can be interpolated at the ends.
+    // One second of margin, so that poses can be interpolated at the ends.
     let within = |p: &&StampedPose| p.stamp >= first - 1.0 && p.stamp <= last + 1.0;
     let truth: Vec<StampedPose> = truth.iter().filter(within).copied().collect();
     finish(target, out, &truth)?;
@@ -329,7 +319,7 @@ fn write(
     })
 }
 
-/// Ends what is written, with the ground truth of the time of its frames.
+/// Completes the output, with the ground truth of the time of its frames.
 fn finish(target: Target, out: &Path, truth: &[StampedPose]) -> Result<(), Failure> {
     match target {
         Target::Mcap(mut recorder) => {

@@ -1,5 +1,5 @@
-//! The pages `docs/reference/cli/*.md` and `docs/reference/config.md`, held against what the program takes. After a change of
-//! commands, options or settings, renew them by `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --lib reference`.
+//! Checks the pages `docs/reference/cli/*.md` and `docs/reference/config.md` against the program. After a change of commands, options or
+//! settings, renew them by `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --lib reference`.
 
 use crate::args::Arguments;
 use crate::config::docs::{doc_of, plain_text};
@@ -10,7 +10,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use stillpoint::slam::Config;
 
-/// Structs of options that several commands share, with the headings of their tables. Options of other structs are a command's own.
+/// Structs of options that several commands share, with the headings of their tables. Options of other structs belong to one command.
 const SHARED: [(&str, &str); 6] = [
     ("InputArgs", "Input"),
     ("TopicArgs", "Recordings"),
@@ -24,7 +24,7 @@ fn docs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference")
 }
 
-/// Text of the help as Markdown that shows the same characters, options as code.
+/// Escapes help text for Markdown, with options as code.
 fn escaped(text: &str) -> String {
     let word = |word: &str| {
         let option = word.trim_start_matches('(');
@@ -44,7 +44,6 @@ fn escaped(text: &str) -> String {
     text.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
-/// A cell of a table.
 fn cell(text: &str) -> String {
     escaped(&text.split_whitespace().collect::<Vec<_>>().join(" "))
 }
@@ -53,7 +52,7 @@ fn code(text: &str) -> String {
     format!("`{}`", text.replace('|', "\\|"))
 }
 
-/// Paragraphs of a help text: a line `Examples:` heads a section, indented lines are shown as they are.
+/// Paragraphs of a help text: a line `Examples:` heads a section, indented lines are kept as they are.
 fn paragraphs(text: &str, level: &str, page: &mut String) {
     let (mut fenced, mut gap) = (false, false);
     for line in text.lines() {
@@ -90,7 +89,6 @@ fn paragraphs(text: &str, level: &str, page: &mut String) {
     }
 }
 
-/// The row of an argument or option.
 fn row(arg: &Arg) -> String {
     let short = arg.get_short().map_or(String::new(), |s| format!("-{s}, "));
     let help = arg.get_long_help().or_else(|| arg.get_help());
@@ -99,7 +97,7 @@ fn row(arg: &Arg) -> String {
         text.push('.');
     }
     let values = arg.get_possible_values();
-    // The two values of a switch say nothing.
+    // The values of a flag are not listed.
     if arg.get_action().takes_values() && !values.is_empty() {
         let named = values.iter().map(|v| {
             let help = v.get_help().map(|h| format!(" ({})", cell(&h.to_string())));
@@ -130,7 +128,6 @@ fn table(title: &str, level: &str, args: &[&Arg], page: &mut String) {
     }
 }
 
-/// A command, and below it those that it holds.
 fn section(command: &Command, level: &str, page: &mut String) {
     let name = command.get_bin_name().unwrap_or_else(|| command.get_name());
     let _ = writeln!(page, "{level} {name}");
@@ -156,7 +153,7 @@ fn section(command: &Command, level: &str, page: &mut String) {
         let groups = command
             .get_groups()
             .filter(|g| g.get_args().any(|id| id == arg.get_id()));
-        // Every output has a group of its own.
+        // Every output has its own argument group.
         let mut ids = groups.map(|g| match g.get_id().as_str() {
             id if GROUPS.contains(&id) => "OutputArgs",
             id => id,
@@ -198,7 +195,6 @@ fn section(command: &Command, level: &str, page: &mut String) {
 
 const MADE: &str = "<!-- Made by `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --lib reference`; a test compares. -->\n";
 
-/// One page per command, and the list of all.
 fn command_pages() -> Vec<(PathBuf, String)> {
     let mut root = Arguments::command().disable_help_subcommand(true);
     root.build();
@@ -239,7 +235,7 @@ fn command_pages() -> Vec<(PathBuf, String)> {
     pages
 }
 
-/// The meaning of a setting, and its range, which the text states after "Range: ".
+/// The meaning of a setting, and its range, which follows "Range: " in the text.
 fn meaning(doc: &str) -> (String, String) {
     let Some((before, rest)) = doc.split_once("Range: ") else {
         return (doc.to_owned(), String::new());

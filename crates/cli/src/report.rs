@@ -1,4 +1,4 @@
-//! What `run`, `demo` and `eval` print about a result.
+//! Text output of `run`, `demo` and `eval`.
 
 use crate::console::{counted, frame_rate};
 use crate::download::megabytes;
@@ -8,13 +8,13 @@ use stillpoint::detection::MOST_DETECTIONS;
 use stillpoint::evaluation::Table;
 use stillpoint::evaluation::timing;
 
-/// The report of a run, what a person asks first in its first line. `detailed` adds the scores of the poses as known at each frame,
-/// what runs the network, the time of every stage and the memory.
+/// The report of a run, with the headline figures first. `detailed` adds the scores of the online poses, the network's runtime, the time of
+/// every stage and the memory.
 pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
     let s = summary;
     let mut text = format!("\n{}: {}\n", s.input.name, headline(s));
     let surface = s.kept.dense.as_ref().map(|d| d.text(detailed));
-    // What was mapped is one line where few are wanted.
+    // Without details, map and surface share one line.
     text += &match &surface {
         Some(surface) if !detailed => format!("{}; {surface}", map_text(s)),
         _ => map_text(s) + "\n",
@@ -46,7 +46,7 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
         let table = if detailed {
             format!("\n{}", score_text(&scores, frames_in_all(s)))
         } else {
-            // The head and the error that stands for all: the others are for who asks.
+            // Without details, only the heading and the absolute error.
             let all = score_text(&scores[..1], frames_in_all(s));
             all.lines()
                 .take(2)
@@ -61,7 +61,6 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
     text
 }
 
-/// The map and its loops.
 fn map_text(s: &Summary) -> String {
     let mut text = format!(
         "{}, {}",
@@ -85,13 +84,12 @@ fn map_text(s: &Summary) -> String {
     text
 }
 
-/// Frames of the recording that the run was about: tracked or not, dropped by a camera that was faster, or not to be read.
+/// Frames in the run's part of the recording: tracked or not, dropped in a live run, or unreadable.
 fn frames_in_all(summary: &Summary) -> usize {
     let dropped = summary.pace.live.as_ref().map_or(0, |live| live.dropped);
     summary.tracking.frames + summary.tracking.skipped + dropped
 }
 
-/// How many frames have a pose, how exact and how fast.
 fn headline(s: &Summary) -> String {
     let mut text = format!(
         "{} of {} tracked",
@@ -120,7 +118,6 @@ fn headline(s: &Summary) -> String {
     )
 }
 
-/// The time of every stage, and the memory.
 fn timing_text(summary: &Summary) -> String {
     let rows = &summary.pace.timing_ms;
     let rows = rows.iter().map(|t| (t.stage.as_str(), t.stats()));
@@ -132,7 +129,7 @@ fn timing_text(summary: &Summary) -> String {
     text
 }
 
-/// What the detector and the static filter did.
+/// Figures of the detector and the static filter.
 fn filter_text(summary: &Summary, detailed: bool) -> String {
     let (d, f) = (&summary.stages.detector, &summary.stages.features);
     let detector = match d.kind.as_str() {
@@ -160,7 +157,7 @@ fn filter_text(summary: &Summary, detailed: bool) -> String {
     text + &beginning_text(summary) + "\n" + &unused_text(d)
 }
 
-/// How long it was undecided who moves, and what was taken back then.
+/// Number of frames in which it was undecided which regions move, and the revoked keyframes.
 fn beginning_text(summary: &Summary) -> String {
     if summary.tracking.undecided == 0 {
         return String::new();
@@ -175,7 +172,7 @@ fn beginning_text(summary: &Summary) -> String {
     text
 }
 
-/// Which answers of the detector were of no use.
+/// Detector answers that were not used.
 fn unused_text(detector: &DetectorJson) -> String {
     let line = |answers: u64, why: &str| match answers {
         0 => String::new(),
@@ -195,7 +192,7 @@ fn unused_text(detector: &DetectorJson) -> String {
         )
 }
 
-/// A table of scores. `frames` is what the pairs are counted against.
+/// A table of scores. `frames` is the total that pairs are counted against.
 pub(crate) fn score_text(scores: &[(&str, &ScoreJson)], frames: usize) -> String {
     let mut table = Table::new(["error", "rmse", "sd", "mean", "median", "max", "pairs"]);
     for (name, score) in scores {
@@ -246,7 +243,7 @@ fn cells(name: String, s: &StatisticsJson, factor: f64, pairs: String) -> Vec<St
 mod tests {
     use super::*;
 
-    /// A summary as a run of another day left it, with `change` laid over it.
+    /// A recorded summary, with `change` applied.
     fn summary(change: serde_json::Value) -> Summary {
         let statistics =
             serde_json::json!({"rmse": 0.0081, "sd": 0.0, "mean": 0.0, "median": 0.0, "max": 0.0});

@@ -1,4 +1,4 @@
-//! `simulate`: a data set of a simulated room, with exact ground truth.
+//! `simulate`: writes a data set of a simulated room, with exact ground truth.
 
 use crate::args::simulated::SimulateArgs;
 use crate::console::{self, Progress};
@@ -13,7 +13,6 @@ use stillpoint::simulator::{
     SimulatedOdometry, Simulator, SimulatorConfig, WheelSlip,
 };
 
-/// `simulate`.
 pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
     let config = config(args)?;
     let simulator = Simulator::new(&config).map_err(Failure::input)?;
@@ -30,7 +29,7 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
         ..SimulatedImu::default()
     });
     let wheels = args.odometry.then(|| wheels(args));
-    // The other one goes to the thread that reads ahead.
+    // The other one moves to the thread that reads ahead.
     let twin = Simulator::new(&config).map_err(Failure::input)?;
     let mut movers = Movers::new(args);
     let interrupt = Interrupt::listen();
@@ -75,11 +74,10 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
     Ok(Status::Ok)
 }
 
-/// How long wheels spin that slip, s, and how fast, m/s.
+/// Duration, s, and speed, m/s, of a wheel slip.
 const SLIP_S: f64 = 0.5;
 const SLIP_SPEED: f64 = 0.5;
 
-/// The odometry that the arguments ask for.
 fn wheels(args: &SimulateArgs) -> SimulatedOdometry {
     let slip = |from: &f64| WheelSlip {
         from: *from,
@@ -93,7 +91,7 @@ fn wheels(args: &SimulateArgs) -> SimulatedOdometry {
     }
 }
 
-/// What to simulate; what the arguments do not say of the camera is the scene's own.
+/// The simulator's configuration; camera parameters that are not given are the scene's own.
 fn config(args: &SimulateArgs) -> Result<SimulatorConfig, Failure> {
     let mut config = SimulatorConfig {
         scene: args.scene.clone(),
@@ -125,9 +123,9 @@ fn config(args: &SimulateArgs) -> Result<SimulatorConfig, Failure> {
 /// Masks, boxes and scripted detections of a scene in which something moves.
 struct Movers {
     noise: DetectionNoise,
-    /// Something moved in some frame so far. Before that nothing is written: most scenes stand still.
+    /// True once anything has moved. Nothing is written before that, as most scenes are static.
     seen: bool,
-    /// Frames before that.
+    /// The frames before that.
     still: Vec<usize>,
     detections: Vec<ScriptRow>,
 }
@@ -186,7 +184,7 @@ impl Movers {
     }
 }
 
-/// What the simulator's own detector says of a frame, as rows of a script.
+/// The simulator's detections of a frame, as rows of a script.
 pub(crate) fn script_rows(said: &[ScriptedDetection]) -> Vec<ScriptRow> {
     let mut rows = Vec::new();
     for d in said {
@@ -200,7 +198,7 @@ pub(crate) fn script_rows(said: &[ScriptedDetection]) -> Vec<ScriptRow> {
                 y1: d.y1,
             },
         };
-        // Jitter may leave nothing of a box at the image's border, and a script may not hold such a box.
+        // Jitter may shrink a box at the image border to nothing, and scripts refuse such boxes.
         if detection.bounds.width() >= 1.0 && detection.bounds.height() >= 1.0 {
             let stamp = d.stamp;
             rows.push(ScriptRow { stamp, detection });
@@ -220,7 +218,6 @@ fn mover_row(seen: &MoverBox) -> MoverRow {
     }
 }
 
-/// The exact poses at the colour stamps.
 pub(crate) fn ground_truth(simulator: &Simulator) -> Vec<StampedPose> {
     simulator
         .ground_truth()

@@ -1,7 +1,6 @@
-//! What leaves a run: outputs, which can be asked for, and sinks, which they become.
+//! Outputs (the options) and the sinks that they start.
 //!
-//! Answers: what an output may know before the first frame, how its sink listens, and what it finds in the end. Knows none of them: their list is
-//! [`sinks`](crate::sinks).
+//! Defines how a sink starts, receives events and finishes. The list of outputs is in [`sinks`](crate::sinks).
 
 use crate::dense::Logged;
 use crate::failure::Failure;
@@ -21,82 +20,80 @@ use stillpoint::live::{Delivery, Watch};
 use stillpoint::map::{Extension, Map, MapView};
 use stillpoint::slam::{self, Config, Event, Up};
 
-/// Events that wait for a sink, at most: at 30 Hz about a minute of frames, with what else happens.
+/// Maximum number of queued events per sink: at 30 Hz about a minute of frames, with other events.
 pub(crate) const EVENTS: usize = 4096;
-/// Pictures that wait to be drawn, at most: some 20 MB.
+/// Maximum number of images queued for drawing: some 20 MB.
 pub(crate) const PICTURES: usize = 8;
 
-/// An output that can be asked for: its options.
+/// The options of an output.
 pub(crate) trait Output {
-    /// Begins it where it is asked for, before the first frame: what cannot be written is said now and not after an hour.
+    /// Starts the output if requested, before the first frame, so that unwritable paths are reported early.
     ///
     /// # Errors
-    /// What cannot be begun, and why.
+    /// Why it cannot be started.
     fn begin(&self, _: &mut Start<'_>) -> Result<Option<Box<dyn Sink>>, Failure> {
         Ok(None)
     }
 
-    /// The files that it writes beside the result, by the options that name them.
+    /// Files written outside the result folder, by option.
     fn files(&self) -> Vec<(&'static str, &Path)> {
         Vec::new()
     }
 
-    /// The folders that it fills beside the result, by the options that name them.
+    /// Folders filled outside the result folder, by option.
     fn folders(&self) -> Vec<(&'static str, &Path)> {
         Vec::new()
     }
 
-    /// Whether it looks at the colours of frames.
     fn wants_colour(&self) -> bool {
         false
     }
 }
 
-/// An output that was begun. It takes what happens, finds the run when that is over, and puts what it made where it belongs. Dropping it
-/// without that leaves what was there before.
+/// A started output. It receives events, then the finished run, and completes its files. Dropping it before leaves existing files
+/// unchanged.
 pub(crate) trait Sink: Send {
-    /// Before the first frame: how events reach it; none where it takes none. `watch` says how a live run is.
+    /// Before the first frame: how it receives events; `None` for no events. `watch` observes a live run.
     fn subscribe(&mut self, _map: &Arc<MapView>, _watch: Option<&Watch>) -> Option<Subscription> {
         None
     }
 
-    /// Takes an event. After an error it gets no more, and the run ends.
+    /// Receives an event. After an error it receives no more, and the run ends.
     ///
     /// # Errors
-    /// What could not be written.
+    /// A failed write.
     fn receive(&mut self, _: &Event) -> Result<(), Failure> {
         Ok(())
     }
 
-    /// The run is over: makes what other sinks may build on. All sinks settle before one finishes.
+    /// After the run: prepares data that other sinks use. All sinks settle before one finishes.
     ///
     /// # Errors
-    /// What could not be made.
+    /// A failed step.
     fn settle(&mut self, _: &mut Ended<'_>) -> Result<(), Failure> {
         Ok(())
     }
 
-    /// The run is over and all sinks have settled: puts everything where it belongs.
+    /// After all sinks have settled: completes its files.
     ///
     /// # Errors
-    /// What could not be written.
+    /// A failed write.
     fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure>;
 
-    /// An error ended the run: keeps what is worth having without a result, and says so. Most keep nothing.
+    /// After a failed run: saves and reports data that are useful without a result. Most sinks do nothing.
     fn rescue(self: Box<Self>, _: &Left<'_>) {}
 }
 
-/// How events reach a sink.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Subscription {
-    /// Of its thread in a live run, and in what is said of events that it missed.
+    /// Name of its thread in a live run, and in messages about missed events.
     pub(crate) name: &'static str,
-    /// What is left out in a live run when it is slow; inline and in a replay it takes all.
+    /// Policy for slow sinks in a live run; inline and in a replay a sink receives everything.
     pub(crate) delivery: Delivery,
 }
 
 impl Subscription {
-    /// Every event, with no images.
+    /// Every event, without images.
     pub(crate) fn to_all(name: &'static str) -> Self {
         Self {
             name,
@@ -104,108 +101,94 @@ impl Subscription {
         }
     }
 
-    /// Every event, with the images of every n-th frame while not too many wait.
+    /// Every event, with the images of every n-th frame unless too many are queued.
     pub(crate) fn to_images(name: &'static str, every: usize) -> Self {
         let delivery = Delivery::until_full(EVENTS).with_images(PICTURES, every);
         Self { name, delivery }
     }
 }
 
-/// What an output may know when it is begun.
 pub(crate) struct Start<'a> {
     pub(crate) config: &'a Config,
-    /// The same as text.
+    /// The configuration as text.
     pub(crate) config_text: &'a str,
     pub(crate) camera: Camera,
     pub(crate) simd: Simd,
     pub(crate) timing: &'static Timing,
-    /// What is run on, and what a person calls it.
     pub(crate) input: &'a Input,
     pub(crate) name: String,
-    /// How the run was begun, as typed.
     pub(crate) command: String,
-    /// Stamps of all colour and depth images of the input, s; none of a camera.
+    /// Colour and depth stamps of all frames of the input, s; empty for a camera.
     pub(crate) stamps: &'a [(f64, f64)],
-    /// Frames that will be taken, where their number is known.
     pub(crate) frames: Option<usize>,
-    /// The map that the run begins with.
     pub(crate) known: Option<&'a Known>,
-    /// Whether the map is saved with what is kept beside it.
+    /// Whether the map is saved with its extensions.
     pub(crate) saves_map: bool,
-    /// Which way is up, as users say or as that map has it.
+    /// The up direction, from the user or that map.
     pub(crate) up: Option<Up>,
-    /// What the run that is repeated here found.
+    /// From the log of the run that is replayed.
     pub(crate) logged: Repeated,
-    /// What outputs leave for others.
+    /// Values shared between outputs.
     pub(crate) shelf: Shelf,
 }
 
 impl Start<'_> {
-    /// The first id that keyframes of the run can have.
     pub(crate) fn first_keyframe(&self) -> usize {
         self.known.map_or(0, |k| k.map.view().keyframe_bound())
     }
 }
 
-/// What a repetition has to know: which frames found their images in time.
+/// For a replay: which frames got their images in time.
 #[derive(Default)]
 pub(crate) struct Repeated {
-    /// Of those that were fused.
+    /// The fused frames.
     pub(crate) dense: Option<Logged>,
-    /// Numbers of those in which things were looked for.
+    /// Numbers of the frames in which objects were searched.
     pub(crate) things: Option<Vec<u32>>,
 }
 
-/// A run that is over, and what its sinks make of it.
 pub(crate) struct Ended<'a> {
     pub(crate) session: &'a Session,
-    /// Which way is up: as users say, else as the inertial sensor does, else as the map had it before.
+    /// The up direction: from the user, else from the inertial sensor, else from the initial map.
     pub(crate) up: Option<Up>,
-    /// The result in the making, where there is one.
+    /// The uncommitted result folder, if any.
     pub(crate) folder: Option<&'a mut ResultFolder>,
     pub(crate) found: Found,
 }
 
-/// What the sinks of a run leave.
 #[derive(Default)]
 pub(crate) struct Found {
-    /// What the map's file keeps beside the map.
     pub(crate) extensions: Vec<Extension>,
-    /// Sections of `summary.json` that no part of the program knows but the sinks that leave them.
+    /// Sections of `summary.json` defined by the sinks.
     pub(crate) sections: BTreeMap<String, Value>,
-    /// What is said below the report, in lines.
+    /// Lines to print below the report.
     pub(crate) said: String,
-    /// Why something is missing of a run whose result is whole.
+    /// An error that makes a complete result lack a part.
     pub(crate) late: Option<Failure>,
-    /// What is made for others.
+    /// Values for other parts of the program.
     pub(crate) shelf: Shelf,
 }
 
-/// A run that an error ended.
 pub(crate) struct Left<'a> {
-    /// The map until then; none where it cannot be used.
+    /// The current map; `None` if it is unusable.
     pub(crate) map: Option<&'a Map>,
     pub(crate) timing: slam::Timing,
-    /// Frames that went through the system.
     pub(crate) frames: usize,
 }
 
-/// Values of any types, at most one of each: what one sink makes and another needs.
+/// Values by type, at most one of each, that one sink makes and another uses.
 #[derive(Default)]
 pub(crate) struct Shelf(Vec<Box<dyn Any>>);
 
 impl Shelf {
-    /// Leaves a value.
     pub(crate) fn put<T: Any>(&mut self, value: T) {
         self.0.push(Box::new(value));
     }
 
-    /// Looks at the value of this type.
     pub(crate) fn get<T: Any>(&self) -> Option<&T> {
         self.0.iter().find_map(|value| value.downcast_ref())
     }
 
-    /// Takes the value of this type away.
     pub(crate) fn take<T: Any>(&mut self) -> Option<T> {
         let at = self.0.iter().position(|value| value.is::<T>())?;
         let value = self.0.swap_remove(at).downcast::<T>().ok()?;
@@ -218,11 +201,11 @@ impl Shelf {
 pub(crate) struct Sinks(pub(crate) Vec<Box<dyn Sink>>);
 
 impl Sinks {
-    /// The run is over: has all sinks settle and finish, and returns what they leave. `up` says which way is up where the run itself does not know better,
-    /// `folder` is the result in the making. One that fails takes nothing from those after it.
+    /// Settles and finishes all sinks after the run, and returns their results. `up` is used where the run itself does not know better,
+    /// `folder` is the uncommitted result. The failure of one sink does not affect the others.
     ///
     /// # Errors
-    /// The first that failed.
+    /// The first failure.
     pub(crate) fn finish(
         mut self,
         session: &Session,
@@ -248,7 +231,7 @@ impl Sinks {
         failed.map(|()| ended.found)
     }
 
-    /// An error ended the run: has all sinks keep what they can.
+    /// Lets all sinks save their data after a failed run.
     pub(crate) fn rescue(&mut self, left: &Left<'_>) {
         for sink in self.0.drain(..) {
             sink.rescue(left);
@@ -256,17 +239,16 @@ impl Sinks {
     }
 }
 
-/// Which way is up, as said by others than the run.
+/// The up direction from sources other than the run.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct KnownUp {
-    /// By users.
     pub(crate) named: Option<Up>,
-    /// By the map that the run begins with.
+    /// From the initial map.
     pub(crate) known: Option<Up>,
 }
 
 impl KnownUp {
-    /// With what the inertial sensor measured.
+    /// Combines it with the direction measured by the inertial sensor.
     fn with(self, measured: Option<[f64; 3]>) -> Option<Up> {
         let measured = measured.and_then(|up| Up::along(&up.into()));
         self.named.or(measured).or(self.known)
@@ -282,7 +264,7 @@ mod tests {
     use std::sync::Mutex;
     use stillpoint::slam::Trajectory;
 
-    /// Says what is done with it; fails to finish where it is told to.
+    /// Records its calls; fails to finish if `fails` is set.
     struct Noting {
         name: &'static str,
         notes: Arc<Mutex<Vec<String>>>,
@@ -316,7 +298,7 @@ mod tests {
         }
     }
 
-    /// Sinks of these names, and what is done with them. The first fails to finish if it is told to.
+    /// Sinks of these names, and the record of their calls. With `fails` the first fails to finish.
     fn noting(names: [&'static str; 2], fails: bool) -> (Sinks, Arc<Mutex<Vec<String>>>) {
         let notes = Arc::<Mutex<Vec<String>>>::default();
         let sink = |name: &'static str| {

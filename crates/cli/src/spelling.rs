@@ -1,6 +1,6 @@
-//! What a mistyped name was most likely meant to be.
+//! Suggestions for mistyped names.
 
-/// The name that takes the fewest edits to become `path`; a path without its section counts as nearly right.
+/// The name with the smallest edit distance to `path`; a missing section counts little.
 pub(crate) fn nearest<'a>(path: &str, names: &[&'a str]) -> Vec<&'a str> {
     let last = |p: &str| p.rsplit('.').next().unwrap_or_default().to_owned();
     let edits = |name: &str| {
@@ -12,7 +12,7 @@ pub(crate) fn nearest<'a>(path: &str, names: &[&'a str]) -> Vec<&'a str> {
     nearest.copied().collect()
 }
 
-/// The name that takes the fewest edits, if they are at most `share` of its letters.
+/// The name with the smallest edit distance, if that is at most `share` of its length.
 pub(crate) fn near<'a>(text: &str, names: &[&'a str], share: f64) -> Option<&'a str> {
     let closest = names
         .iter()
@@ -22,7 +22,6 @@ pub(crate) fn near<'a>(text: &str, names: &[&'a str], share: f64) -> Option<&'a 
     (edits <= share * closest.chars().count() as f64).then_some(closest)
 }
 
-/// Levenshtein distance.
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

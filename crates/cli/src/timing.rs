@@ -1,8 +1,10 @@
-//! Timing and log lines: the subscriber behind the spans and events of the libraries.
+//! Timing and log output: the `tracing` subscriber for the spans and events of the libraries.
 //!
-//! Every span is measured by its name, on its own thread; what threads do that share the work on a frame belongs to the thread that ends the frame. Durations of a name are added up until the thread ends a round (a
-//! frame, a message), so that a row of the table says what a stage costs per round in which it ran; a span inside another of its own name counts
-//! once, and one inside `retrace` not at all: that looks at earlier frames, when the pose of the newest is out. A span costs two readings of the clock and one uncontended lock. With `--trace` each span is kept as it was, too.
+//! Every span is timed by name on its own thread; the time of workers that share the work on a frame counts for the thread that ends the
+//! frame. Durations of a name are summed until the thread ends a round (a frame, a message), so that a row of the table is the cost per
+//! round in which a stage ran. A span nested in one of the same name is not counted twice, and one inside `retrace` is not counted, since
+//! that reprocesses earlier frames after the newest pose is published. A span costs two clock readings and one uncontended lock. With
+//! `--trace` each span is also kept individually.
 
 use crate::console;
 use crate::trace::Trace;
@@ -17,21 +19,19 @@ use tracing::field::{Field, Visit};
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Event, Level, Metadata, Subscriber, subscriber::Interest};
 
-/// The durations measured so far.
 #[derive(Debug, Default)]
 pub(crate) struct Timing {
     table: Mutex<Stages>,
-    /// By stage, the sum of the present frame on threads that share the work on it, ns.
+    /// By stage, the time of worker threads in the current frame, ns.
     shared: Mutex<Vec<Option<u64>>>,
-    /// The spans themselves, when somebody wants them.
     pub(crate) trace: Trace,
-    /// The span whose parts do not count; 0 before it is known.
+    /// The id of the span whose nested spans are not counted; 0 until known.
     apart: AtomicU64,
-    /// How many of them are open.
+    /// Number of open spans of that name.
     open_apart: AtomicUsize,
 }
 
-/// The stage whose parts do not count.
+/// The stage whose nested spans are not counted.
 const APART: &str = "retrace";
 
 #[derive(Debug, Default)]
@@ -39,22 +39,20 @@ struct Stages {
     /// Address of a call site's metadata, and its stage.
     sites: Vec<(u64, usize)>,
     stages: Vec<TimedStage>,
-    /// Frames that ended.
     frames: usize,
 }
 
 #[derive(Debug)]
 struct TimedStage {
     name: &'static str,
-    /// One per round in which it ran. A run of hours has millions.
+    /// One per round in which it ran; millions in a run of hours.
     samples: Vec<Sample>,
 }
 
-/// How long a stage took in a round.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     frame: u32,
-    /// In tenths of a microsecond; what takes longer than seven minutes counts as seven.
+    /// In tenths of a microsecond; saturates at seven minutes.
     duration: u32,
 }
 
@@ -91,11 +89,10 @@ impl Stages {
 thread_local! {
     /// Stages entered on this thread, with the time of entry.
     static OPEN: RefCell<Vec<(u64, Instant)>> = const { RefCell::new(Vec::new()) };
-    /// By stage, the sum within the present round of this thread, ns; `None` when it did not run.
+    /// By stage, the sum within the current round of this thread, ns; `None` when it did not run.
     static SUMS: RefCell<Vec<Option<u64>>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Adds to the sum of a stage.
 fn add(sums: &mut Vec<Option<u64>>, stage: usize, ns: u64) {
     if sums.len() <= stage {
         sums.resize(stage + 1, None);
@@ -107,10 +104,10 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Makes the timing the process's subscriber. Called once; a second call gets timing that nothing feeds.
+/// Installs the timing as the global subscriber. A second call returns timing that receives nothing.
 pub(crate) fn install() -> &'static Timing {
     let timing: &'static Timing = Box::leak(Box::default());
-    // Fails only when there is a subscriber already.
+    // Fails only if there is a subscriber already.
     let _ = tracing::subscriber::set_global_default(Recorder(timing));
     timing
 }
@@ -120,7 +117,7 @@ impl Timing {
         lock(&self.table)
     }
 
-    /// Takes a frame's time that somebody else measured, ms, and ends the frame.
+    /// Adds a frame time that was measured elsewhere, ms, and ends the frame.
     pub(crate) fn take_frame(&self, name: &'static str, milliseconds: f64) {
         let mut table = self.lock();
         let frame = table.frames;
@@ -135,12 +132,12 @@ impl Timing {
         table.frames += 1;
     }
 
-    /// Ends a frame on this thread: its sums become samples. A frame in which nothing was measured is none.
+    /// Ends a frame on this thread: its sums become samples. A frame without measurements is not counted.
     pub(crate) fn end_frame(&self) {
         self.end(true);
     }
 
-    /// Ends what this thread did for a message, which belongs to no frame of its own: its sums become samples.
+    /// Ends a message's round on this thread, outside of any frame: its sums become samples.
     pub(crate) fn end_round(&self) {
         self.end(false);
     }
@@ -167,7 +164,7 @@ impl Timing {
         });
     }
 
-    /// Forgets what was measured, for another pass of the same process.
+    /// Clears all measurements, for another pass in the same process.
     pub(crate) fn restart(&self) {
         SUMS.with_borrow_mut(Vec::clear);
         lock(&self.shared).clear();
@@ -178,7 +175,6 @@ impl Timing {
         }
     }
 
-    /// The name of a stage.
     pub(crate) fn name(&self, stage: usize) -> &'static str {
         self.lock().stages.get(stage).map_or("?", |s| s.name)
     }
@@ -255,7 +251,7 @@ impl Subscriber for Recorder {
         let left = OPEN.with_borrow_mut(|open| {
             let at = open.iter().rposition(|(s, _)| *s == id)?;
             let (_, entered) = open.remove(at);
-            // Inside another span of the same name the outer one will count this time.
+            // Inside another span of the same name the outer one counts this time.
             let counts = open.iter().all(|(s, _)| *s != id && *s != apart);
             Some((entered, counts))
         });
@@ -267,7 +263,7 @@ impl Subscriber for Recorder {
         if counts {
             let ns = now.duration_since(entered).as_nanos() as u64;
             if workers::is_one() {
-                // While a thread retraces, the workers serve that thread.
+                // During a retrace the workers serve that thread.
                 if self.0.open_apart.load(Ordering::Relaxed) == 0 {
                     add(&mut lock(&self.0.shared), stage, ns);
                 }
@@ -283,7 +279,7 @@ impl Subscriber for Recorder {
         let level = match *event.metadata().level() {
             Level::ERROR => "error: ",
             Level::WARN => "warning: ",
-            // A sentence.
+            // Messages at this level are sentences.
             Level::INFO => "",
             Level::DEBUG => "debug: ",
             Level::TRACE => "trace: ",

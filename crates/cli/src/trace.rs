@@ -1,17 +1,16 @@
-//! Every span of every thread, kept for `--trace`.
+//! Keeps every span of every thread for `--trace`.
 //!
-//! Spans stay in memory until the code that writes the file fetches them, at every frame, so that no stage waits for
-//! a disk. When nobody fetches them for long, further ones are left out and counted.
+//! Spans stay in memory until they are fetched for writing, at every frame, so that no stage waits for the disk. If they are not fetched
+//! for long, further ones are dropped and counted.
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-/// Spans that wait to be fetched, at most: some 10 MB, and minutes of a run.
+/// Maximum number of pending spans: some 10 MB, and minutes of a run.
 pub(crate) const MOST: usize = 1 << 18;
 
-/// Spans that wait to be fetched.
 #[derive(Debug, Default)]
 pub(crate) struct Trace {
     wanted: AtomicBool,
@@ -21,18 +20,13 @@ pub(crate) struct Trace {
 #[derive(Debug, Default)]
 struct Kept {
     spans: Vec<Span>,
-    /// Spans for which there was no room.
     left_out: u64,
-    /// Names of the threads, by their numbers.
     threads: Vec<String>,
 }
 
-/// A span that was left.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Span {
-    /// Its number among the stages that are timed.
     pub(crate) stage: usize,
-    /// The number of its thread.
     pub(crate) thread: usize,
     pub(crate) entered: Instant,
     pub(crate) left: Instant,
@@ -44,7 +38,6 @@ thread_local! {
 }
 
 impl Kept {
-    /// The number of the thread that asks.
     fn thread(&mut self) -> usize {
         THREAD.get().unwrap_or_else(|| {
             let thread = std::thread::current();
@@ -63,7 +56,7 @@ impl Trace {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Keeps a span of this thread, if somebody wants it.
+    /// Keeps a span of this thread, if recording is on.
     pub(crate) fn add(&self, stage: usize, entered: Instant, left: Instant) {
         if !self.wanted.load(Ordering::Relaxed) {
             return;
@@ -82,19 +75,18 @@ impl Trace {
         });
     }
 
-    /// From now on somebody wants spans, or nobody any more.
+    /// Switches recording on or off.
     pub(crate) fn want(&self, wanted: bool) {
         self.wanted.store(wanted, Ordering::Relaxed);
     }
 
-    /// Takes what was kept since the last time, and the names of the threads but the first so many.
+    /// Takes the spans since the last call, and the thread names from index `named` on.
     pub(crate) fn take(&self, named: usize) -> (Vec<Span>, Vec<String>) {
         let mut kept = self.lock();
         let new = kept.threads[named..].to_vec();
         (std::mem::take(&mut kept.spans), new)
     }
 
-    /// Spans for which there was no room.
     pub(crate) fn left_out(&self) -> u64 {
         self.lock().left_out
     }

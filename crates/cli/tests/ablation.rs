@@ -1,4 +1,4 @@
-//! `bench --ablation` on a simulated scene and on folders, as users run it.
+//! `bench --ablation` on a simulated scene and on folders.
 
 use crate::common::{check, copy, files, program, simulate, stdout};
 use serde_json::Value;
@@ -96,7 +96,7 @@ fn a_simulated_scene_is_run_with_seven_configurations() {
         assert_eq!(line[1], variant["variant"].as_str().unwrap());
         assert_eq!(line[5], format!("{:.1}", error("sd")));
     }
-    // The configurations reach the runs.
+    // Each run uses its configuration.
     let rejected = |k: usize| row["variants"][k]["rejected"].as_f64().unwrap();
     assert_eq!(rejected(0), 0.0);
     for k in [1, 3, 4, 5, 6] {
@@ -112,7 +112,7 @@ fn a_simulated_scene_is_run_with_seven_configurations() {
             "{line} not in {config}"
         );
     }
-    // The simulated frames are gone.
+    // The simulated frames were removed.
     let names: Vec<String> = files(&out)
         .iter()
         .map(|p| p.file_name().unwrap().to_string_lossy().into_owned())
@@ -145,7 +145,7 @@ fn a_folder_without_a_detector_shows_what_there_is_and_a_broken_one_stops_nobody
     assert_eq!(row["published"]["ate"][1], 0.0434);
     assert_eq!(row["variants"][2]["figures"]["tracked"]["worst"], 1.0);
 
-    // With the script that lies in the folder.
+    // With the script in the folder.
     let out = dir.path().join("scripted");
     let script = ["--runs", "1", "--detector", "scripted:{}/detections.csv"];
     check(&ablation(room.to_str().unwrap(), &out, &script), 0, &[]);
@@ -172,7 +172,6 @@ fn what_cannot_be_used_is_said_before_anything_runs() {
     assert!(!out.exists());
 }
 
-/// Scenes are for every bench.
 #[test]
 fn a_bench_runs_simulated_scenes_too() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,19 +1,19 @@
-//! The errors of whole runs over recordings, held against the table `crates/testdata/ate.csv`. Runs with true boxes are in the library's tests, which read the
-//! frames once for several presets.
+//! Compares errors of whole runs over recordings with the table `crates/testdata/ate.csv`. Runs with true boxes are in the library's tests,
+//! which read the frames once for several presets.
 //!
-//! Runs of up to 334 frames: as long as the gate can bear. The network looks at every fifth frame, since it takes ten times as long as all the rest.
+//! Runs have up to 334 frames, to bound the time of the gate. The network processes every fifth frame, since it takes ten times as long as
+//! everything else.
 
 use crate::common::program;
 use std::path::Path;
 use stillpoint_testdata::ate::{self, Figures};
 
-/// The model that detects, where there is one.
+/// The detector model, if available.
 const MODEL: &str = "models/yolox_nano_416.onnx";
-/// The name of a run in the table of errors.
 const NETWORK: &str = "yolox_nano_416 every 5";
 
-/// What a run with a preset of the static filter came to: ATE of the final poses; where the camera stands still, so that nothing can be
-/// aligned, their distance from the first.
+/// Runs with a preset of the static filter and returns the ATE of the final poses; where the camera stands still and alignment is
+/// undefined, their distance from the first pose.
 #[track_caller]
 fn run(recording: &Path, preset: &str, more: &[&str]) -> Figures {
     let dir = tempfile::tempdir().unwrap();
@@ -30,7 +30,7 @@ fn run(recording: &Path, preset: &str, more: &[&str]) -> Figures {
     let accuracy = &summary["accuracy"]["final"];
     let [ate, drift] = ["ate", "drift"].map(|figure| accuracy[figure]["rmse"].as_f64());
     let [frames, posed] = ["frames", "tracked"].map(|n| summary[n].as_u64().unwrap() as usize);
-    // 1: frames were lost, as some are among people without the filter. The default loses none.
+    // Code 1 means lost frames, which occur among people without the filter. The default preset loses none.
     let code = i32::from(posed < frames && preset != "default");
     assert_eq!(output.status.code(), Some(code), "{posed} {output:?}");
     Figures {
@@ -40,7 +40,7 @@ fn run(recording: &Path, preset: &str, more: &[&str]) -> Figures {
     }
 }
 
-/// Holds runs without a detector; returns their errors, mm.
+/// Checks runs without a detector; returns their errors, mm.
 fn hold_alone<const N: usize>(name: &str, presets: [&str; N]) -> Option<[f64; N]> {
     let recording = stillpoint_testdata::recording(name)?;
     Some(presets.map(|preset| {
@@ -50,7 +50,6 @@ fn hold_alone<const N: usize>(name: &str, presets: [&str; N]) -> Option<[f64; N]
     }))
 }
 
-/// Holds runs with the network.
 fn hold_detected(name: &str, presets: &[&str]) {
     let found = stillpoint_testdata::recording(name).zip(stillpoint_testdata::beside(MODEL));
     let Some((recording, model)) = found else {
@@ -63,7 +62,7 @@ fn hold_detected(name: &str, presets: &[&str]) {
     }
 }
 
-/// Where nothing moves the filter costs little: errors of so many times those without it, at most.
+/// In a static scene the filter costs little: bounds its error by this factor of the error without it.
 fn hold_still(name: &str, most: f64) {
     let Some([filtered, off]) = hold_alone(name, ["default", "off"]) else {
         return;
@@ -92,7 +91,7 @@ fn ate_of_fr1_rpy_walkers() {
     hold_detected("fr1_rpy_walkers", &["default"]);
 }
 
-/// A check that nothing breaks: its depth is not registered to its colour, which is where its error comes from.
+/// A regression check: depth is not registered to colour here, which causes most of the error.
 #[test]
 fn ate_of_kitchen() {
     hold_alone("kitchen", ["default"]);
@@ -115,7 +114,7 @@ fn drift_of_lab_fixed() {
     hold_detected("lab_fixed", &["default", "paper", "adapted"]);
 }
 
-/// Runs that begin among people: without a detector nothing says beforehand who of the many that move is the room. With wide gates
+/// Runs that begin among people: without a detector nothing tells at first which of the many moving regions is the room. With wide gates
 /// alone these two were off by 96 and 175 mm.
 #[test]
 fn a_run_that_begins_among_people_follows_the_room() {

@@ -1,4 +1,4 @@
-//! Every kind of bad argument gets a message that says what was expected and found, and exit code 2.
+//! Every kind of bad argument gets a message with the expectation and the finding, and exit code 2.
 
 use crate::common::case::Case;
 use crate::common::{check, program, stillpoint};
@@ -95,7 +95,7 @@ fn detectors_that_cannot_be_used() {
             script("b.csv", &format!("{header}\n0.0,persn,0.9,10,10,90,90\n")),
             &["b.csv:2", "such as \"person\""],
         ),
-        // A script of another recording would be ignored in silence.
+        // A script of another recording would silently have no effect.
         (
             script("c.csv", "1305031102.175304,person,0.9,10,10,90,90\n"),
             &[
@@ -108,7 +108,7 @@ fn detectors_that_cannot_be_used() {
     ] {
         case.fails(&["--detector", &detector], parts);
     }
-    // Nothing seen in any frame is possible, and worth a word.
+    // A script without any detection is valid, but gives a message.
     let empty = script("empty.csv", header);
     let output = case.run(&["--detector", &empty]);
     check(&output, 0, &["warning: ", "empty.csv", "no detections"]);

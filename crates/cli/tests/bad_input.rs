@@ -1,5 +1,5 @@
-//! Every kind of bad data set gets a message that names the place, what was expected and found, and exit code 2; never a
-//! panic, never a half-written result.
+//! Every kind of bad data set gets a message that names the place, the expectation and the finding, and exit code 2; never a panic or an
+//! incomplete result.
 
 use crate::common::case::Case;
 use crate::common::{check, stderr, stdout, stillpoint};
@@ -137,7 +137,7 @@ fn images_that_cannot_be_used() {
             },
             "16",
         ),
-        // A float depth image as TIFF: its first bytes are enough to know it.
+        // A float depth image as TIFF: its first bytes identify it.
         (
             "depth",
             |p| std::fs::write(p, b"II*\0\x08\0\0\0\0\0").unwrap(),
@@ -231,7 +231,7 @@ fn bench_passes_on_what_a_run_says() {
     check(&stillpoint(["bench"]), 2, &["PATH"]);
 }
 
-/// Images that cannot be read leave a result of little worth, and no program that asks for it looks at warnings.
+/// Many unreadable images make a poor result, and scripts do not read warnings, so that the exit code must tell.
 #[test]
 fn a_recording_of_which_much_cannot_be_read_ends_with_1() {
     let case = Case::new();
@@ -266,7 +266,7 @@ fn a_lens_without_its_last_coefficient() {
     );
 }
 
-/// Names in a recording are not trusted: control characters are shown as text.
+/// Names in a recording are untrusted: control characters are shown as text.
 #[test]
 #[cfg(unix)]
 fn names_do_not_command_the_terminal() {
@@ -294,7 +294,7 @@ fn names_do_not_command_the_terminal() {
     }
 }
 
-/// A pipe that nobody writes to and a device without an end are told, whatever they are named as.
+/// Pipes without a writer and endless devices are refused under any name.
 #[test]
 #[cfg(unix)]
 fn pipes_and_devices_are_not_read() {

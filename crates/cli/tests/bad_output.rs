@@ -1,4 +1,4 @@
-//! Output that cannot be written ends with a message and exit code 2, and leaves what was there before.
+//! Output that cannot be written ends with a message and exit code 2, and leaves existing files unchanged.
 
 use crate::common::case::Case;
 use crate::common::{check, files, program, shell};
@@ -72,7 +72,7 @@ fn output_that_cannot_be_written() {
     assert_eq!(std::fs::read_to_string(file).unwrap(), "mine");
 }
 
-/// A limit on file sizes acts as a full disk does: writing fails half-way.
+/// A file size limit acts like a full disk: writing fails half-way.
 #[test]
 #[cfg(unix)]
 fn full_disk() {
@@ -83,7 +83,7 @@ fn full_disk() {
     );
     check(&output, 2, &["expected to write", "free space"]);
     case.old_result_is_untouched();
-    // Verdicts are written while frames go by: what was there before stays, and nothing else is left.
+    // Verdicts are written during the run: the existing file stays, and no other file is left.
     let table = case.dir.path().join("tables/v.csv");
     std::fs::create_dir(case.dir.path().join("tables")).unwrap();
     std::fs::write(&table, "old").unwrap();
@@ -97,7 +97,7 @@ fn full_disk() {
     assert_eq!(files(&case.dir.path().join("tables")), [table]);
 }
 
-/// A reader that leaves early is no reason to panic.
+/// A reader that closes the pipe causes no panic.
 #[test]
 #[cfg(unix)]
 fn closed_pipe() {
@@ -108,7 +108,6 @@ fn closed_pipe() {
     check(&output, 0, &["exit 0"]);
 }
 
-/// What a command was to say is part of what it was to do: it does not end well when that cannot be written.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_disk_behind_stdout_is_told() {
@@ -134,7 +133,7 @@ fn a_full_disk_behind_stdout_is_told() {
     assert!(Path::new(room).join("out/summary.json").exists());
 }
 
-/// What a run reads stays as it is, whatever output is named in its place.
+/// Inputs are never overwritten, whichever output names their path.
 #[test]
 fn outputs_in_the_place_of_the_input() {
     let case = Case::new();
@@ -170,7 +169,7 @@ fn outputs_in_the_place_of_the_input() {
         &["outside of the data set for --out"],
     );
     assert_eq!(folders.each_ref().map(|f| held(f)), before);
-    // Control: beside the images there is room for a result.
+    // Control: a result may lie beside the images.
     let inner = data.join("result");
     let output = case.run(&[
         "-q",
@@ -194,7 +193,7 @@ fn a_recording_in_the_place_of_a_pipe_or_socket() {
     case.fails(&["--record", path], &["a socket", "another name"]);
     let kind = std::fs::symlink_metadata(&socket).unwrap().file_type();
     assert!(kind.is_socket());
-    // What a link leads to is replaced, not the link.
+    // The target of a link is replaced, not the link.
     let [file, link] = ["walk.mcap", "link.mcap"].map(|n| case.dir.path().join(n));
     std::fs::write(&file, "old").unwrap();
     std::os::unix::fs::symlink(&file, &link).unwrap();

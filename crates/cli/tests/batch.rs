@@ -1,4 +1,4 @@
-//! `batch` on simulated rooms: results, what is skipped, what is retried, and what is joined.
+//! `batch` on simulated rooms: results, skipping, retries, and merging.
 
 use crate::common::{check, program, simulate, stderr, stdout, stillpoint};
 use serde_json::Value;
@@ -115,7 +115,7 @@ fn a_batch_gives_the_bytes_of_single_runs_and_is_done_once() {
     let page = std::fs::read_to_string(out.join("batch.html")).unwrap();
     assert!(page.contains("href=\"walk/report.html\""), "{page}");
 
-    // Again: nothing is run.
+    // The second time nothing is run.
     let time = |name: &str| {
         std::fs::metadata(out.join(name).join("summary.json"))
             .unwrap()
@@ -249,7 +249,7 @@ fn what_fails_leaves_the_rest_alone_and_is_tried_twice() {
     }
     let page = std::fs::read_to_string(out.join("batch.html")).unwrap();
     assert!(page.find("empty/stderr.log").unwrap() < page.find("a/report.html").unwrap());
-    // Failures are run again, and are all that is.
+    // Only failures are run again.
     let again = batch(&inputs[..4], &out, &[]);
     check(&again, 1, &["1 of 4 recordings skipped"]);
 

@@ -1,4 +1,4 @@
-//! Bad input and bad luck for `batch`: a clear error, and nothing lost.
+//! `batch` with bad input and failures: a clear error, and no lost results.
 
 use crate::batch::{batch, rooms, row, table};
 use crate::common::{check, program, shell, simulate, stderr};
@@ -58,7 +58,7 @@ fn inputs_that_are_none_are_told_before_anything_is_made() {
     );
 }
 
-/// A limit on file sizes acts as a full disk does.
+/// A file size limit acts like a full disk.
 #[test]
 #[cfg(unix)]
 fn a_full_disk_ends_the_batch_and_keeps_what_is_done() {
@@ -99,7 +99,7 @@ fn a_full_disk_ends_the_batch_and_keeps_what_is_done() {
     );
 }
 
-/// A batch that is at work on something long, after a short one.
+/// A batch that is processing a long recording after a short one.
 #[cfg(unix)]
 struct Working {
     child: Child,
@@ -148,7 +148,6 @@ impl Working {
         assert!(sent.unwrap().success());
     }
 
-    /// The process of the run at hand.
     #[cfg(target_os = "linux")]
     fn run(&self) -> u32 {
         let id = self.child.id();
@@ -170,7 +169,7 @@ impl Working {
         }
     }
 
-    /// What it says up to its end, and how that was.
+    /// Its messages up to its end, and its exit status.
     fn end(
         mut self,
     ) -> (
@@ -227,7 +226,7 @@ fn a_folder_is_one_batchs_until_that_dies_and_its_runs_die_with_it() {
     working.child.kill().unwrap();
     working.child.wait().unwrap();
     let begin = Instant::now();
-    // A process that ended and that nobody waited for yet is no more than a number.
+    // A zombie process still has an entry.
     let lives =
         || std::fs::read_to_string(format!("/proc/{run}/stat")).is_ok_and(|s| !s.contains(") Z "));
     while lives() {
@@ -260,7 +259,7 @@ fn a_result_that_was_not_finished_is_none() {
     let dir = tempfile::tempdir().unwrap();
     let inputs = [rooms().join("a")];
     check(&batch(&inputs, dir.path(), &[]), 0, &[]);
-    // As it is where a batch was killed while a run replaced its result.
+    // The state after a batch was killed while a run replaced its result.
     std::fs::remove_file(dir.path().join("a/recording.json")).unwrap();
     let again = batch(&inputs, dir.path(), &[]);
     check(&again, 0, &["[1/1] a:"]);

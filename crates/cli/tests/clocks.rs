@@ -1,4 +1,4 @@
-//! Stamps in other units, clocks that are set back or apart, and images that stand still.
+//! Stamps in other units, clocks that jump or differ, and repeated images.
 
 use crate::common::{check, program, simulate, stderr, stdout};
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ fn read_list(path: &Path) -> List {
         .collect()
 }
 
-/// A simulated data set whose lists are changed, each by its own.
+/// A simulated data set with each list modified by its own function.
 fn changed(folder: &Path, frames: usize, colour: impl Fn(&mut List), depth: impl Fn(&mut List)) {
     simulate(folder, "xyz", frames);
     change(folder, "rgb.txt", &colour);
@@ -33,7 +33,7 @@ fn change(folder: &Path, name: &str, how: &impl Fn(&mut List)) {
     std::fs::write(path, text).unwrap();
 }
 
-/// Runs a data set; what it said and its folder of results.
+/// Runs a data set; returns its output and its result folder.
 fn run(folder: &Path) -> (Output, PathBuf) {
     let out = folder.with_extension("out");
     let output = program()
@@ -48,7 +48,6 @@ fn doctor(folder: &Path) -> Output {
     program().arg("doctor").arg(folder).output().unwrap()
 }
 
-/// ATE of a run by its summary, m.
 fn ate(out: &Path) -> f64 {
     let text = std::fs::read_to_string(out.join("summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -57,7 +56,7 @@ fn ate(out: &Path) -> f64 {
         .unwrap()
 }
 
-/// Lets the images of some frames be that of the first of them.
+/// Replaces the images of some frames by that of the first of them.
 fn stand_still(list: &mut List, frames: std::ops::Range<usize>) {
     let first = list[frames.start].1.clone();
     list[frames].iter_mut().for_each(|l| l.1 = first.clone());
@@ -269,7 +268,7 @@ fn quaternions_in_the_other_order_are_said() {
     let header = "# timestamp tx ty tz qw qx qy qz";
     let seem = "the quaternions of the ground truth seem to have w first";
     check(&eval(&rows), 0, &[seem, header]);
-    // What it advises helps.
+    // The advice in the message works.
     let advised = eval(&format!("{header}\n{rows}"));
     check(&advised, 0, &["w first"]);
     assert!(!stderr(&advised).contains("seem"), "{}", stderr(&advised));

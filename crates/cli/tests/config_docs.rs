@@ -1,11 +1,10 @@
-//! Holds `src/config/docs.txt` against the documentation of the configuration structs. After a change of those, renew it by
-//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all config_docs`, then what the test `golden` compares, which
-//! holds the same text.
+//! Compares `src/config/docs.txt` with the doc comments of the configuration structs. After a change of those, renew it by
+//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all config_docs`, then the files of the test `golden`, which contain the same
+//! text.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// A field: its name, its type, its documentation.
 type Fields = Vec<(String, String, String)>;
 
 fn rust_files(folder: &Path, files: &mut Vec<PathBuf>) {

@@ -1,4 +1,4 @@
-//! `datasets pull` and `bench --suite --pull` as users run them, against a server on loopback.
+//! `datasets pull` and `bench --suite --pull` against a server on loopback.
 
 use crate::common::{check, program, simulate, stderr, stdout, stillpoint};
 use std::path::Path;
@@ -24,7 +24,6 @@ static WALKING: LazyLock<&'static [u8]> = LazyLock::new(|| {
     output.stdout.leak()
 });
 
-/// A server that has this sequence and no other.
 fn server() -> Server {
     let bytes = *WALKING;
     Server::start(move |_, request, stream| match request.path.as_str() {
@@ -93,7 +92,7 @@ fn a_sequence_is_pulled_after_its_line_broke() {
         .output()
         .unwrap();
     check(&ran, 0, &[]);
-    // It is here, and the server is not asked.
+    // It exists already, so that the server gets no request.
     let again = pull("fr3_walking_xyz", dir.path(), &server);
     check(&again, 0, &[]);
     assert!(stdout(&again).contains("it was here"), "{}", stdout(&again));
@@ -124,7 +123,7 @@ fn what_cannot_be_had_is_said() {
     assert_eq!(listed.lines().filter(|l| l.contains("rgbd_")).count(), 35);
 }
 
-/// The first that cannot be had ends it, before anything is run; what is here is neither asked for nor touched.
+/// The first failed download ends the command before any run; existing sequences are neither requested nor changed.
 #[test]
 fn a_suite_is_pulled_and_run() {
     let dir = tempfile::tempdir().unwrap();
@@ -174,7 +173,7 @@ fn a_suite_is_pulled_and_run() {
     check(&stillpoint(["bench", "--pull", "sim:xyz"]), 2, &["--suite"]);
 }
 
-/// Ctrl-C ends a download that goes on forever, and keeps what came.
+/// Ctrl-C ends an endless download, and the partial file is kept.
 #[test]
 #[cfg(unix)]
 fn an_interrupted_pull_is_kept() {

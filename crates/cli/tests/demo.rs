@@ -89,7 +89,7 @@ fn both_passes_are_reported_and_written_side_by_side() {
     assert_eq!(names[..4], pictures);
     assert_eq!(names[4..], ["off", "on", "side_by_side.png"]);
     assert!(out.join("on").join("mesh.ply").exists());
-    // It can be made again of what the demo left.
+    // `render` can remake it from the demo's results.
     let again = dir.path().join("again.webp");
     let output = crate::common::stillpoint(["render", text_of(&out), "-o", text_of(&again)]);
     check(&output, 0, &[]);
@@ -116,7 +116,7 @@ fn the_same_demo_gives_the_same_pictures_and_needs_no_detector() {
         ]
         .map(|f| std::fs::read(out.join(f)).unwrap())
     };
-    // Rendered anew, not taken from what is kept.
+    // Renders anew, not from the cached scenes.
     let mut renders = program();
     renders.env_remove("STILLPOINT_SCENES");
     assert!(pictures("first", program()) == pictures("second", renders));
@@ -125,7 +125,7 @@ fn the_same_demo_gives_the_same_pictures_and_needs_no_detector() {
 #[test]
 fn a_run_that_exceeds_its_bound_fails() {
     let dir = tempfile::tempdir().unwrap();
-    // No camera can be followed on so few keypoints.
+    // Tracking always fails with these few keypoints.
     let few = [
         "--set",
         "features.features=100",

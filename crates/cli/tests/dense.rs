@@ -1,4 +1,4 @@
-//! Surfaces and grids, as users make them.
+//! Surfaces and grids from the command line.
 
 use crate::common::{check, program, simulate, stdout, stillpoint};
 use serde_json::Value;
@@ -8,7 +8,6 @@ use tempfile::TempDir;
 
 const FRAMES: usize = 24;
 
-/// A run with a surface in its map.
 struct Made {
     dir: TempDir,
     data: PathBuf,
@@ -65,7 +64,7 @@ fn a_run_leaves_a_surface_and_its_numbers() {
     assert!((FRAMES / 2 - 1..=FRAMES).contains(&integrated), "{dense}");
     assert_eq!(dense["voxel"], 0.04);
     assert!(dense["memory_bytes"].as_u64() > dense["kept_bytes"].as_u64());
-    // The report shows it: not all of its triangles, but no others.
+    // The report shows a subset of its triangles.
     let page = String::from_utf8(read(&MADE.result, "report.html")).unwrap();
     let data = page.split("type=\"application/json\">").nth(1).unwrap();
     let data: Value = serde_json::from_str(data.split("</script>").next().unwrap()).unwrap();
@@ -74,7 +73,7 @@ fn a_run_leaves_a_surface_and_its_numbers() {
     // Six bytes each in base 64.
     let shown = surface["triangle"].as_str().unwrap().len() / 8;
     assert!((1000..=20_000).contains(&shown), "{shown}");
-    // Tracking does not know of it.
+    // It does not affect tracking.
     let plain = MADE.dir.path().join("plain");
     let args = [
         "-q",
@@ -114,7 +113,7 @@ fn the_same_surface_comes_out_again() {
         &[],
     );
     assert!(meshes(&again) == made, "a replay gives another surface");
-    // Of a live run, which may have left frames out.
+    // From a live run, which may have skipped frames.
     let [live, repeated] = ["live", "repeated"].map(|name| MADE.dir.path().join(name));
     let args = [
         "run",
@@ -208,13 +207,13 @@ fn a_run_goes_on_with_the_surface_of_its_map() {
         summary["dense"]["area"].as_f64().unwrap()
     };
     assert!(area(&result) > 0.95 * area(&MADE.result));
-    // Where the camera only finds itself, the map stays what it was.
+    // Localisation does not change the map.
     let before = std::fs::read(map).unwrap();
     let args = ["--localize", map, "--out", text(&found)];
     check(&stillpoint([&part[..], &args].concat()), 0, &[]);
     assert!(std::fs::read(map).unwrap() == before);
     assert!(area(&found) > 0.95 * area(&MADE.result));
-    // Without --dense a surface that is there is not lost without a word.
+    // Without --dense a surface in the map is not dropped silently.
     let dropped = MADE.dir.path().join("dropped.spmap");
     let args = [
         "--load-map",
@@ -268,7 +267,7 @@ fn what_cannot_be_made_is_refused_in_words() {
         2,
         &["--dense"],
     );
-    // Another voxel than the map's.
+    // Another voxel size than the map's.
     let args = [
         "run",
         text(&MADE.data),
@@ -281,7 +280,7 @@ fn what_cannot_be_made_is_refused_in_words() {
     check(&stillpoint(args), 2, &["--voxel: expected 0.04 m"]);
 }
 
-/// Turns every image of a folder by half a turn, as a camera that hangs upside down has them.
+/// Rotates every image of a folder by half a turn, as from a camera mounted upside down.
 fn turn_images(folder: &Path) {
     for part in ["rgb", "depth"] {
         for entry in std::fs::read_dir(folder.join(part)).unwrap() {
@@ -300,7 +299,7 @@ fn a_camera_that_hangs_upside_down_has_its_floor_by_the_inertial_sensor() {
     let more = ["--frames", "60", "--out", text(&data)];
     check(&stillpoint([&args[..], &more].concat()), 0, &[]);
     turn_images(&data);
-    // The sensor hangs as it is: half a turn about the camera's axis is between both.
+    // The sensor is not rotated, so that its rotation to the camera is half a turn about the optical axis.
     let file = data.join("camera.toml");
     let camera = std::fs::read_to_string(&file).unwrap();
     let (before, after) = camera.split_once("\nrotation = ").unwrap();
@@ -325,7 +324,7 @@ fn a_camera_that_hangs_upside_down_has_its_floor_by_the_inertial_sensor() {
     let named = run(&at("named"), &["--no-imu", "--up", "0,1,0"]);
     let without = run(&at("without"), &["--no-imu"]);
     assert!(!known.is_empty() && known != without);
-    // The map keeps it: who makes the plan of the file says nothing.
+    // The map stores it: exporting the plan needs no option.
     let file = at("hanging.spmap");
     run(&at("saved"), &["--save-map", text(&file)]);
     let plan = at("plan.yaml");
@@ -336,7 +335,7 @@ fn a_camera_that_hangs_upside_down_has_its_floor_by_the_inertial_sensor() {
     );
     let plan = std::fs::read(at("plan.pgm")).unwrap();
     assert!(plan == known, "{} and {} bytes", plan.len(), known.len());
-    // Free ground is where it is when somebody says which way is up.
+    // With --up the free area is the same.
     let free = |grid: &[u8]| grid.iter().filter(|v| **v == 254).count() as f64;
     let (known, named) = (free(&known), free(&named));
     assert!(

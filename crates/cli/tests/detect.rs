@@ -1,11 +1,11 @@
-//! `detect` as users run it: on images, folders and data sets, with a network made in the test and with real ones.
+//! `detect` on images, folders and data sets, with a network made in the test and with real ones.
 
 use crate::common::{check, files, program, simulate, stdout, stillpoint, tiny_model};
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use stillpoint::detection::{ClassId, ScriptRow, parse_script};
 
-/// A black picture of 64x64 px with a white square of 16 px, whose upper left pixel is at (x, y).
+/// A black image of 64x64 px with a white square of 16 px, whose upper left pixel is at (x, y).
 fn picture(path: &Path, x: u32, y: u32) {
     let mut image = image::RgbImage::new(64, 64);
     for (dx, dy) in (0..16).flat_map(|dx| (0..16).map(move |dy| (dx, dy))) {
@@ -243,12 +243,12 @@ fn what_cannot_be_used_is_refused() {
     );
     let output = program().arg("detect").arg(&file).output().unwrap();
     check(&output, 2, &["--model: expected a model", "models pull"]);
-    // The card beside the model counts, also when it is wrong.
+    // A card beside the model is used, even if wrong.
     std::fs::write(dir.path().join("tiny.toml"), "head = \"yolo\"\n").unwrap();
     check(&detect(&file, &model, &[]), 2, &["tiny.toml", "yolox"]);
 }
 
-/// Networks and pictures of people, if they are here.
+/// With networks and images of people, if available.
 #[test]
 fn people_are_found_in_pictures() {
     let Some(folder) = stillpoint_testdata::beside("images") else {

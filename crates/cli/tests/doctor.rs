@@ -1,11 +1,11 @@
-//! `doctor`, and what `run` prints of it.
+//! `doctor`, and its findings in `run`.
 
 use crate::common::{check, program, simulate, stderr, stdout};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Output;
 
-/// A command on a data set that is taken for the images of a camera.
+/// A command on a data set, with this camera file.
 fn with_camera(command: &str, data: &Path, camera: &Path, more: &[&str]) -> Output {
     program()
         .args([command])
@@ -17,7 +17,7 @@ fn with_camera(command: &str, data: &Path, camera: &Path, more: &[&str]) -> Outp
         .unwrap()
 }
 
-/// Twelve frames: what the camera's figures and the depths tell needs no motion.
+/// Twelve frames: findings about the intrinsics and the depth need no motion.
 #[test]
 fn a_data_set_is_well_and_wrong_figures_are_named_in_the_order_of_harm() {
     let dir = tempfile::tempdir().unwrap();
@@ -50,7 +50,7 @@ fn a_data_set_is_well_and_wrong_figures_are_named_in_the_order_of_harm() {
     assert_eq!(json["findings"][0]["symptom"], "depth_scale");
     assert_eq!(json["findings"][1]["symptom"], "focal_length");
 
-    // The short form follows a run, and a quiet one has none.
+    // `run` prints the short form, unless it is quiet.
     let out = dir.path().join("out");
     let out = ["--out", out.to_str().unwrap()];
     let run = with_camera("run", &data, &wrong, &out);
@@ -102,7 +102,7 @@ fn an_inertial_sensor_that_is_mounted_otherwise_is_named() {
     let (before, after) = text.split_once("\nrotation = ").unwrap();
     let (_, after) = after.split_once('\n').unwrap();
     let half = std::f64::consts::FRAC_1_SQRT_2;
-    // A quarter of a turn about the camera's axis.
+    // A quarter turn about the optical axis.
     let turned = format!("{before}\nrotation = [0.0, 0.0, {half}, {half}]\n{after}");
     let wrong = dir.path().join("wrong.toml");
     std::fs::write(&wrong, turned).unwrap();
@@ -166,7 +166,7 @@ fn odometry_that_is_not_of_the_camera_s_base_is_named() {
     named(&right, &["odometry stands still while the camera moves"]);
 }
 
-/// Images of any size would take the doctor's time and memory: those that no run takes are refused by their size.
+/// Images of any size would take the doctor's time and memory: sizes that `run` refuses are refused.
 #[test]
 fn images_that_no_run_takes_are_not_looked_at() {
     let dir = tempfile::tempdir().unwrap();

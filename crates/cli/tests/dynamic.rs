@@ -1,4 +1,4 @@
-//! What moves: simulated movers, detectors, verdicts and pictures, as users see them.
+//! Moving objects from the command line: simulated movers, detectors, verdicts and images.
 
 use crate::common::{check, copy, files, program, simulate, stdout};
 use std::collections::BTreeMap;
@@ -9,7 +9,6 @@ use tempfile::TempDir;
 
 const FRAMES: usize = 12;
 
-/// A room with people, made once.
 static WALKING: LazyLock<TempDir> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     simulate(&dir.path().join("room"), "walking_static", FRAMES);
@@ -44,7 +43,7 @@ fn names(folder: &Path) -> Vec<String> {
     files(folder).iter().map(name).collect()
 }
 
-/// Rows of a table without its header, by their stamps.
+/// Rows of a table without its header, by stamp.
 fn by_stamp(table: &Path, header: &str) -> BTreeMap<String, Vec<Vec<String>>> {
     let text = std::fs::read_to_string(table).unwrap();
     let mut lines = text.lines();
@@ -62,7 +61,6 @@ fn verdicts(table: &Path) -> BTreeMap<String, Vec<Vec<String>>> {
     by_stamp(table, "timestamp,u,v,verdict,reasons")
 }
 
-/// Stamps as the names of the colour images say them.
 fn stamps(room: &Path) -> Vec<String> {
     let name = |p: &PathBuf| p.file_stem().unwrap().to_str().unwrap().to_owned();
     files(&room.join("rgb")).iter().map(name).collect()
@@ -94,7 +92,7 @@ fn boxes_are_those_of_the_masks() {
             .collect();
         boxes += expected.len();
         let none = Vec::new();
-        // Behind the box are position and velocity, which the masks do not know.
+        // The columns after the box are position and velocity, which masks do not give.
         let found = rows.get(&stamp).unwrap_or(&none).iter();
         let found: Vec<Vec<String>> = found.map(|row| row[..7].to_vec()).collect();
         assert_eq!(found, expected);
@@ -196,7 +194,7 @@ fn verdicts_need_no_pose() {
     let spoiled = dir.path().join("room");
     simulate(&other, "halfsphere", 3);
     copy(&room(), &spoiled);
-    // The last frames show another room: keypoints enough, but none that the map knows.
+    // The last frames show another room: enough keypoints, but no matches to the map.
     let (theirs, ours) = (files(&other.join("rgb")), files(&spoiled.join("rgb")));
     for (from, to) in theirs.iter().zip(&ours[FRAMES - 3..]) {
         std::fs::copy(from, to).unwrap();
@@ -207,7 +205,7 @@ fn verdicts_need_no_pose() {
     all_keypoints_are_there(&spoiled, &out, &table);
 }
 
-/// Rows for every frame, as many as there are keypoints.
+/// Checks that every frame has a row per keypoint.
 fn all_keypoints_are_there(room: &Path, out: &Path, table: &Path) {
     let rows = verdicts(table);
     assert_eq!(rows.keys().cloned().collect::<Vec<_>>(), stamps(room));
@@ -237,7 +235,6 @@ fn the_filter_can_be_turned_off() {
     );
 }
 
-/// Width of a GIF, px.
 fn gif_width(path: &Path) -> u16 {
     let bytes = std::fs::read(path).unwrap();
     assert_eq!(&bytes[..6], b"GIF89a");
@@ -292,7 +289,7 @@ fn pictures_decode_and_replace_older_ones() {
         assert!(coloured.count() > 640 * 480 / 2, "the image is grey");
     }
     assert_eq!(gif_width(&pictures.join("animation.gif")), 320);
-    // What is drawn does not change what is found.
+    // Drawing does not change the results.
     let plain = dir.path().join("plain");
     check(&run(&room(), &plain, &["--detector", &script]), 0, &[]);
     let poses = |out: &Path| std::fs::read(out.join("trajectory.txt")).unwrap();
@@ -329,7 +326,6 @@ fn outputs_may_share_a_folder() {
     assert!(names.iter().all(|n| !n.starts_with('.')), "{names:?}");
 }
 
-/// A network on simulated frames, where there is one.
 #[test]
 fn a_network_is_named_with_its_sum_and_runtime() {
     let Some(model) = stillpoint_testdata::beside("models/yolox_nano_416.onnx") else {

@@ -1,4 +1,4 @@
-//! The main job on simulated data: results that are complete, right, and the same to the byte every time.
+//! The main use on simulated data: results are complete, correct, and identical to the byte every time.
 
 use crate::common::{check, copy, files, isolated, program, simulate, stderr, stdout};
 #[cfg(unix)]
@@ -11,8 +11,7 @@ use tempfile::TempDir;
 
 /// Enough for several keyframes, bundle adjustments and culling.
 const FRAMES: usize = 90;
-/// Stamps of colour and depth drift against each other as those of a real camera, so that association may leave a frame
-/// out.
+/// Stamps of colour and depth drift against each other as those of a real camera, so that association may leave a frame out.
 const LEAST: usize = FRAMES - 2;
 
 static ROOM: LazyLock<TempDir> = LazyLock::new(|| {
@@ -25,7 +24,7 @@ fn room() -> PathBuf {
     ROOM.path().join("room")
 }
 
-/// Runs the data set; the trajectory files and the map as bytes.
+/// Runs the data set; returns the trajectory files and the map as bytes.
 fn trajectories(mut command: Command, out: &Path) -> [Vec<u8>; 4] {
     let map = out.with_extension("spmap");
     let output = command
@@ -153,7 +152,7 @@ fn a_result_is_complete_and_accurate() {
         let stage = stage.unwrap_or_else(|| panic!("no stage {name}"));
         assert!(stage["median"].as_f64().unwrap() > 0.0, "{stage}");
     }
-    // The score of `eval` is that of the summary.
+    // `eval` gives the score of the summary.
     let output = program()
         .arg("eval")
         .arg(room().join("groundtruth.txt"))
@@ -197,7 +196,7 @@ fn without_ground_truth_everything_else_works() {
     assert!(out.join("plot.svg").exists());
 }
 
-/// Of stdout a program reads the summary and nothing else, whatever is said to people.
+/// With --json, stdout holds only the summary, at any verbosity.
 #[test]
 fn a_summary_for_programs_is_all_that_is_on_stdout() {
     let dir = tempfile::tempdir().unwrap();
@@ -271,7 +270,7 @@ fn a_run_is_told_in_ten_lines_and_its_stages_in_words() {
         !words.contains("debug:") && !words.contains(" { "),
         "{words}"
     );
-    // The memory of the run is said once.
+    // The peak memory is printed once.
     assert_eq!(words.matches("peak memory").count(), 1, "{words}");
     assert!(
         all.contains("debug: mapped report=MappingReport {"),
@@ -309,7 +308,7 @@ fn the_bench_reports_every_run() {
     assert!(json["machine"]["cores"].as_u64().unwrap() > 0);
 }
 
-/// Ctrl-C ends the run after the frame at hand, and what there is gets written.
+/// Ctrl-C ends the run after the current frame, and its results are written.
 #[test]
 #[cfg(unix)]
 fn an_interrupt_keeps_what_there_is() {
@@ -323,7 +322,7 @@ fn an_interrupt_keeps_what_there_is() {
         .spawn()
         .unwrap();
     let mut said = BufReader::new(child.stderr.take().unwrap());
-    // The first keyframe is in the map: from now on there is something to write.
+    // Once the first keyframe is in the map there is something to write.
     let mut line = String::new();
     while !line.contains("mapped") {
         line.clear();

@@ -1,5 +1,5 @@
-//! Help and configuration as users see them. After an intended change, renew the files by
-//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all golden`, after those of the test `config_docs`.
+//! Compares help and configuration output with files. After an intended change, renew them by `STILLPOINT_BLESS=1 cargo test -p
+//! stillpoint-cli --test all golden`, after those of the test `config_docs`.
 
 use crate::common::{check, stdout, stillpoint};
 use std::path::Path;

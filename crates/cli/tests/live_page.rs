@@ -1,4 +1,4 @@
-//! A run that is shown while it goes on.
+//! A run shown in a browser while it goes on.
 
 use crate::common::browser::Browser;
 use crate::common::program;
@@ -9,7 +9,6 @@ use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Stdio};
 
-/// A run, and where it is shown.
 struct Running {
     child: Child,
     stderr: BufReader<ChildStderr>,
@@ -18,7 +17,7 @@ struct Running {
 }
 
 impl Running {
-    /// `run` on the people who walk, or on another folder beside them.
+    /// Starts `run` on the walking people, or on another folder beside them.
     fn start(data: &str, name: &str, options: &[&str]) -> Self {
         let dir = MADE.dir.path();
         let out = dir.join(name);
@@ -60,7 +59,6 @@ impl Running {
         TcpStream::connect(address.trim_end_matches('/')).unwrap()
     }
 
-    /// Waits for its end, and gives its summary.
     fn end(mut self) -> Value {
         let mut said = String::new();
         self.stderr.read_to_string(&mut said).unwrap();
@@ -69,7 +67,7 @@ impl Running {
     }
 }
 
-/// The events of a page, to the end.
+/// All events of a page.
 fn listen(stream: TcpStream) -> Vec<(String, Value)> {
     let (mut events, mut name) = (Vec::new(), String::new());
     let mut stream = stream;
@@ -92,7 +90,7 @@ fn whoever_looks_changes_nothing_and_is_told_the_report() {
     let run = Running::start("people walk", "shown", &[]);
     let stream = run.connect();
     let told = std::thread::spawn(move || listen(stream));
-    // One that takes nothing, and one that is gone at once.
+    // A client that reads nothing, and one that leaves at once.
     let mut stopped = run.connect();
     stopped
         .write_all(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
@@ -127,7 +125,7 @@ fn whoever_looks_changes_nothing_and_is_told_the_report() {
     );
 }
 
-/// The same recording at a third of the speed, so that there is time to look at it.
+/// The same recording at a third of the speed, so that the page can be examined.
 fn slowly() -> &'static str {
     let folder = |name: &str| MADE.dir.path().join(name);
     let (from, to) = (folder("people walk"), folder("slowly"));
@@ -141,7 +139,7 @@ fn slowly() -> &'static str {
         let line = |line: &str| match line.split_once(between) {
             Some((stamp, rest)) if stamp.parse::<f64>().is_ok() => {
                 let stamp: f64 = stamp.parse().unwrap();
-                // Depth stays as far behind colour as it was.
+                // Depth keeps its delay after colour.
                 let frame = (30.0 * stamp + 1e-3).floor() / 30.0;
                 format!("{:.6}{between}{rest}", stamp + 2.0 * frame)
             }
@@ -165,9 +163,9 @@ fn a_browser_shows_a_run_and_in_the_end_its_report() {
     browser.until("stillpoint.state.ready && stillpoint.counts.frames > 5 && stillpoint.counts.landmarks > 50");
     browser.until("stillpoint.state.live.state === 'live'");
     assert_eq!(browser.eval("stillpoint.state.following"), true);
-    // The picture is drawn, and the map.
+    // Image and map are drawn.
     browser.until("stillpoint.counts.pictures > 1 && document.querySelector('#picture').width > 0");
-    // The surface is there while the run goes on.
+    // The surface is shown during the run.
     browser.until("stillpoint.counts.triangles > 100");
     assert_eq!(browser.eval("stillpoint.state.live.state"), "live");
     let before = browser.eval("stillpoint.counts.frames").as_u64().unwrap();
@@ -182,7 +180,7 @@ fn a_browser_shows_a_run_and_in_the_end_its_report() {
     let wide = browser.eval("document.documentElement.scrollWidth");
     assert!(wide.as_u64().unwrap() <= 400, "{wide}");
     assert_eq!(browser.eval(FAINT), json!([]));
-    // Who looks back is left there, and comes back when he likes.
+    // A user who looks at an earlier frame stays there, and can return to the newest.
     browser.eval("document.querySelector('#timeline').focus()");
     browser.press("Home", 0);
     browser.eval("new Promise(done => setTimeout(done, 300))");
@@ -193,7 +191,7 @@ fn a_browser_shows_a_run_and_in_the_end_its_report() {
     );
     browser.eval("document.querySelector('#live').click()");
     assert_eq!(browser.eval("stillpoint.state.following"), true);
-    // The end: the page is the report.
+    // At the end the page becomes the report.
     browser.until("stillpoint.state.live.state === 'over'");
     let summary = run.end();
     let counts = browser.eval("stillpoint.counts");
@@ -208,7 +206,7 @@ fn a_browser_shows_a_run_and_in_the_end_its_report() {
     );
     let rows = browser.eval("document.querySelectorAll('#tables tbody tr').length");
     assert!(rows.as_u64().unwrap() > 3);
-    // How long the detector's answers took is on the time line.
+    // The time line has the latency of the detector's answers.
     let lanes = browser.eval("page.timeline.lanes.map(l => l[0])");
     assert!(
         lanes.as_array().unwrap().contains(&json!("answer_ms")),

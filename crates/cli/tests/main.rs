@@ -1,6 +1,6 @@
-//! The program as users run it.
+//! Tests of the command line program.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise helpers as tests.
 
 mod ablation;
 mod accuracy;

@@ -1,9 +1,9 @@
-//! Models made to break the program that runs them. Each is refused with a message, in bounded time and memory.
+//! Models made to break their runtime. Each is refused with a message, in bounded time and memory.
 
 use crate::common::{check, stderr, stillpoint, tiny_model};
 use stillpoint::inference::wire::Message;
 
-/// A graph from an image of 64 x 64 px to `output`, in a file.
+/// Checks that a graph from an image of 64 x 64 px to `output` is refused.
 fn refused(graph: &Message, parts: &[&str]) {
     let sizes = [1, 3, 64, 64];
     let graph = Message::new()
@@ -31,7 +31,7 @@ fn refused_bytes(model: &[u8], parts: &[&str]) {
     ]);
     check(&output, 2, &["error: models check ", "bad.onnx: expected"]);
     check(&output, 2, parts);
-    // One message, and no trace of what happened in a runtime.
+    // One message, without panics or traces of a runtime.
     let said = stderr(&output);
     assert!(
         !said.contains("panicked") && !said.contains("stack"),
@@ -119,7 +119,7 @@ fn giant_results() {
         &graph,
         &["an operator Expand that makes 1099511627776 numbers"],
     );
-    // What is computed in the graph is only known by running it, which is done where it does no harm.
+    // Values computed in the graph are only known by running it, which happens in a separate process.
     let side = integers("side", &[1 << 19]);
     let computed = Message::new()
         .message(5, &side)
@@ -152,7 +152,7 @@ fn values_that_grow() {
     );
 }
 
-/// No score reaches any threshold where none is a number: it would see nothing, for ever and without a word.
+/// NaN scores reach no threshold: such a network would silently detect nothing.
 #[test]
 fn networks_that_answer_nan() {
     refused_bytes(

@@ -11,7 +11,7 @@ use stillpoint::map::{Extension, Map, MapFile};
 use stillpoint::simulator::{Simulator, SimulatorConfig, Surfaces, share_near};
 use tempfile::TempDir;
 
-/// Where the recording of maps `a` and `b` was made.
+/// The simulator behind the recording of maps `a` and `b`.
 static ROOM: LazyLock<Simulator> = LazyLock::new(|| {
     Simulator::new(&SimulatorConfig {
         scene: "halfsphere".to_owned(),
@@ -21,7 +21,6 @@ static ROOM: LazyLock<Simulator> = LazyLock::new(|| {
     .unwrap()
 });
 
-/// The maps `a` and `b` as one, `both`.
 static MERGED: LazyLock<TempDir> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     let output = merge(&map("a"), &map("b"), &dir.path().join("both.spmap"));
@@ -46,7 +45,7 @@ fn dense(path: &Path) -> DenseMap {
     DenseMap::from_bytes(&dense_bytes(path).unwrap(), Simd::detect()).unwrap()
 }
 
-/// Saves a map with a surface, or with what stands for one.
+/// Saves a map with a surface extension of these bytes.
 fn save_with(map: &Map, bytes: Option<Vec<u8>>, path: &Path) {
     let extension = bytes.map(|bytes| Extension {
         name: DenseMap::EXTENSION.to_owned(),
@@ -65,7 +64,7 @@ fn truth_from(map: &Map) -> Se3 {
     found.target_from_source
 }
 
-/// Every so many corners of a surface in the axes of the simulator; `map` is in the same axes as the surface.
+/// Every `step`-th vertex of a surface in the simulator's frame; `map` shares the surface's frame.
 fn corners(dense: &DenseMap, map: &Map, step: usize) -> Vec<Vec3> {
     let (mesh, turn) = (dense.mesh(&MeshOptions::default()), truth_from(map));
     let some = (0..mesh.positions.len() as u32).step_by(step);
@@ -81,7 +80,7 @@ fn score(dense: &DenseMap, map: &Map) -> [f64; 2] {
     [sum / points.len() as f64, area]
 }
 
-/// The share of the corners of one map's surface near which another one's has some, within 5 cm.
+/// The share of the vertices of one map's surface that lie within 5 cm of another's.
 fn covered(one: &Path, by: &Path) -> f64 {
     let [points, others] =
         [(one, 5), (by, 1)].map(|(path, step)| corners(&dense(path), &read(path), step));
@@ -103,13 +102,13 @@ fn the_surface_of_two_maps_is_one() {
     println!("of each, in both and in the other one: {shares:?}");
     assert!(shares.iter().all(|s| s[0] > 0.95), "{shares:?}");
     assert!(shares[1][1] < 0.8, "{shares:?}");
-    // Control: as if both maps had the same axes.
+    // Control: merged without aligning the frames.
     let mut wrong = dense(&map("a"));
     wrong.absorb(&dense(&map("b")), &Se3::identity()).unwrap();
     let wrong = score(&wrong, &read(&both()));
     println!("without the motion {wrong:?}");
     assert!(wrong[0] > merged[0] + 0.01, "{wrong:?}");
-    // What users ask of it; and the same file once more.
+    // Exports of the merged map; merging a file with itself.
     for (command, name) in [
         ("mesh", "both.ply"),
         ("grid", "both.yaml"),
@@ -140,7 +139,7 @@ fn one_surface_is_kept_in_the_axes_of_the_first_map() {
     println!("mean error, m, and area, m^2: {alone:?}, moved {moved:?}");
     assert!(moved[0] < alone[0] + 0.002, "{alone:?} {moved:?}");
     assert!(moved[1] > 0.9 * alone[1], "{alone:?} {moved:?}");
-    // Control: where it was.
+    // Control: not transformed.
     let wrong = score(&dense(&map("b")), &read(&at("second")));
     assert!(wrong[0] > moved[0] + 0.01, "{wrong:?}");
     check(&merge(&at("bare_a"), &at("bare_b"), &at("none")), 0, &[]);
@@ -158,12 +157,12 @@ fn a_surface_that_does_not_fit_is_left_out_in_words_and_a_damaged_one_refused() 
         assert!(said.contains(words) && said.contains("left out"), "{said}");
         assert!(dense_bytes(&at("out")) == dense_bytes(&map("a")));
     };
-    // Its surface is of the other room, which has nothing in common with the first map.
+    // Its surface is of the other room, which has no overlap with the first map.
     let mut rooms = read(&map("c"));
     rooms.append(&read(&map("b"))).unwrap();
     save_with(&rooms, dense_bytes(&map("b")), &at("rooms"));
     left_out(&at("rooms"), "rooms.spmap: its surface is left out, since");
-    // One in voxels of 5 mm, of which nothing is known.
+    // An empty surface with voxels of 5 mm.
     let mut fine = b"SPDENSE2".to_vec();
     for value in [0.005, 0.06, 0.05, 4.0_f64] {
         fine.extend(value.to_le_bytes());
@@ -179,7 +178,7 @@ fn a_surface_that_does_not_fit_is_left_out_in_words_and_a_damaged_one_refused() 
         said.contains(words) && said.contains("other way round"),
         "{said}"
     );
-    // Whichever is damaged.
+    // Either file may be damaged.
     let mut bytes = dense_bytes(&map("b")).unwrap();
     bytes.truncate(bytes.len() - 1);
     save_with(&read(&map("b")), Some(bytes), &at("damaged"));

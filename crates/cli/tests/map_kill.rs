@@ -1,4 +1,4 @@
-//! A process that is killed while it saves a map leaves the old map or the new one, whole.
+//! Killing a process while it saves a map leaves the old or the new map, intact.
 
 #![cfg(unix)]
 use std::io::{BufRead, BufReader, Write};
@@ -12,9 +12,9 @@ use stillpoint::geometry::{Camera, Se3};
 use stillpoint::map::{KeyframeData, KeyframeId, Map, MapFile};
 
 const KILLS: u32 = 50;
-/// Maps that take turns in the file.
+/// Number of maps that are written in turn.
 const VERSIONS: u64 = 3;
-/// Tells the process that saves where to.
+/// Environment variable with the file for the child process.
 const FILE: &str = "STILLPOINT_TEST_MAP_TO_SAVE";
 
 /// SplitMix64.
@@ -60,7 +60,7 @@ fn map(version: u64) -> Vec<u8> {
     map.to_bytes(&[]).unwrap()
 }
 
-/// Not a test: the process that is killed. It saves until then, first as the command line does, part by part.
+/// Not a test: the process that is killed. It keeps saving, at first part by part as the command line does.
 #[test]
 fn child_that_saves() {
     let Some(path) = std::env::var_os(FILE) else {
@@ -79,7 +79,6 @@ fn child_that_saves() {
     }
 }
 
-/// Files beside the map.
 fn others(folder: &Path) -> usize {
     std::fs::read_dir(folder).unwrap().count() - 1
 }
@@ -101,8 +100,7 @@ fn a_map_survives_fifty_kills() {
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        // After a number of saves that varies, so that every version is found however long one takes, and in the midst of the
-        // next.
+        // After a varying number of saves, so that every version is found whatever a save takes, and during the next save.
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let mut saves = lines.filter(|l| l.as_deref().unwrap() == "saved");
         let wanted = 1 + (kill as usize) % versions.len();
@@ -110,7 +108,7 @@ fn a_map_survives_fifty_kills() {
         std::thread::sleep(Duration::from_micros(random(&mut state) % 30_000));
         child.kill().unwrap();
         let status = child.wait().unwrap();
-        // It was the kill that ended it.
+        // The process ended by the kill.
         assert_eq!(
             std::os::unix::process::ExitStatusExt::signal(&status),
             Some(9)
@@ -119,12 +117,12 @@ fn a_map_survives_fifty_kills() {
         MapFile::from_bytes(&bytes).unwrap_or_else(|e| panic!("kill {kill}: {e}"));
         let version = versions.iter().position(|v| *v == bytes);
         found[version.unwrap_or_else(|| panic!("kill {kill}: another map"))] += 1;
-        // At most what this process left: those of earlier ones were removed.
+        // At most the leftover of this process: those of earlier ones were removed.
         let left = others(dir.path());
         assert!(left <= 1, "kill {kill}: {left} files beside the map");
         in_between += left;
     }
-    // The kills came while it was saving, and at different times.
+    // The kills came during saves, and at different times.
     assert!(in_between > 5, "{in_between} of {KILLS} while saving");
     assert!(found.iter().all(|n| *n > 0), "{found:?}");
     write_atomic(&path, &versions[1]).unwrap();

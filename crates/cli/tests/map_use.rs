@@ -1,4 +1,4 @@
-//! What maps are for: runs that resume one or find the camera in one, maps in submaps, and two maps as one.
+//! Uses of maps: resuming, localisation, submaps, and merging.
 
 use crate::common::{case::Case, check, files, program, simulate, stderr, stdout};
 use std::collections::BTreeMap;
@@ -10,7 +10,7 @@ use stillpoint::map::{Map, MapFile, SubmapId};
 use stillpoint::slam::{Timing, Up};
 use tempfile::TempDir;
 
-/// Keyframes come often, so that a few seconds are enough to recognise a place.
+/// Frequent keyframes, so that a few seconds are enough to recognise a place.
 const OFTEN: [&str; 6] = [
     "--set",
     "keyframes.max_view_angle=0",
@@ -20,8 +20,8 @@ const OFTEN: [&str; 6] = [
     "mapping.redundant_share=1",
 ];
 
-/// A recording `room` and maps `a` of its beginning and `b` of the rest, which overlap, with surfaces; `c` of another room, and `twice`, which
-/// holds `c` two times, as two submaps.
+/// A recording `room` and maps `a` of its beginning and `b` of the rest, which overlap, with surfaces; `c` of another room, and `twice`,
+/// which holds `c` two times, as two submaps.
 static MAPS: LazyLock<TempDir> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     simulate(&dir.path().join("room"), "halfsphere", 64);
@@ -68,19 +68,16 @@ fn save(map: &Map, path: &Path) {
     std::fs::write(path, map.to_bytes(&[]).unwrap()).unwrap();
 }
 
-/// Which way is up in a map file, if it says so.
 fn up_in(path: &Path) -> Option<Vec3> {
     let file = MapFile::from_bytes(&std::fs::read(path).unwrap()).unwrap();
     Some(Up::from_bytes(file.extension(Up::EXTENSION)?)?.vector())
 }
 
-/// Saves a map that knows which way is up.
 fn save_with_up(map: &Map, up: &Vec3, path: &Path) {
     let up = Up::along(up).unwrap().to_extension();
     std::fs::write(path, map.to_bytes(&[up]).unwrap()).unwrap();
 }
 
-/// Runs a recording into a folder of its own.
 fn run(recording: &Path, more: &[&str]) -> (Output, TempDir) {
     let out = tempfile::tempdir().unwrap();
     let mut command = program();
@@ -100,7 +97,6 @@ pub(crate) fn merge(a: &Path, b: &Path, out: &Path) -> Output {
     map_command("merge", &[a, b], &["--out", out.to_str().unwrap()])
 }
 
-/// The first frame's line of `frames.csv`.
 fn first_frame(out: &Path) -> String {
     let text = std::fs::read_to_string(out.join("frames.csv")).unwrap();
     text.lines().nth(1).unwrap().to_owned()
@@ -124,7 +120,7 @@ fn a_run_goes_on_with_a_map() {
     for k in before.view().keyframes() {
         assert!(after.view().world_from_keyframe(k.id).is_some());
     }
-    // What the map knows of the camera's readout is where this run began.
+    // This run started from the readout in the map.
     let bytes = std::fs::read(map("a")).unwrap();
     let extension = MapFile::from_bytes(&bytes).unwrap();
     let known = extension.extension(Timing::EXTENSION).unwrap();
@@ -180,7 +176,7 @@ fn two_maps_become_one_where_they_show_the_same() {
     let count = |m: &Map| m.view().keyframe_count();
     assert_eq!(count(&both), count(&a) + count(&b));
     assert_eq!(both.view().submaps().len(), 1);
-    // The same moment has the same pose, whichever of both maps it was in.
+    // Keyframes of the same time coincide, whichever map they come from.
     let mut places = BTreeMap::new();
     for k in both.view().keyframes() {
         let stamp = (k.data.stamp * 1e4) as i64;
@@ -209,7 +205,7 @@ fn a_run_keeps_which_way_is_up_and_who_says_it_is_heard_first() {
     assert_eq!(run_on(&[]), Some(before));
     let off = (run_on(&["--up", "0,-6,8"]).unwrap() - said).norm();
     assert!(off < 1e-12, "{off}");
-    // Control: a map that does not say so, and nobody who does.
+    // Control: maps and arguments without an up direction.
     assert_eq!(up_in(&map("a")), None);
 }
 
@@ -227,7 +223,7 @@ fn two_maps_become_one_with_what_either_knows_of_up() {
     };
     assert_eq!(merged(&at("a"), &at("b")), Some(up));
     assert_eq!(merged(&map("a"), &map("b")), None);
-    // That of the second alone is turned into the world of the first.
+    // If only the second map has one, it is rotated to the first map's world.
     let same = b.view().keyframes().find_map(|k| {
         let of_a = |o: &&Arc<stillpoint::map::Keyframe>| o.data.stamp == k.data.stamp;
         let o = a.view().keyframes().find(of_a)?;
@@ -253,14 +249,14 @@ fn maps_that_have_nothing_in_common_are_not_merged() {
         1,
         &["odd.spmap in", "found none", "nothing was written"],
     );
-    // Its two submaps become one, but not with the first map.
+    // Its two submaps are joined, but not to the first map.
     std::fs::copy(map("twice"), &odd).unwrap();
     nothing(
         &odd,
         1,
         &["odd.spmap in", "found none", "nothing was written"],
     );
-    // As if seen by another camera.
+    // As from another camera.
     let mut zoomed = Map::new(8, 1.2);
     for k in read(&map("b")).view().keyframes() {
         let mut data = (*k.data).clone();
@@ -276,7 +272,7 @@ fn maps_that_have_nothing_in_common_are_not_merged() {
     let nowhere = dir.path().join("no/out.spmap");
     let output = merge(&map("a"), &map("b"), &nowhere);
     check(&output, 2, &["no/out.spmap", "another with --out"]);
-    // Control: the two submaps do have something in common.
+    // Control: the two submaps do overlap.
     check(&merge(&map("c"), &map("c"), &out), 0, &[]);
 }
 
@@ -336,13 +332,13 @@ fn a_map_in_submaps_is_exported_submap_by_submap() {
             "its submaps are",
         ],
     );
-    // Of one in one submap there is nothing to say.
+    // A map with one submap needs no message.
     let output = map_command("export", &[&map("a")], &file);
     check(&output, 0, &[]);
     assert!(!stderr(&output).contains("submap"), "{}", stderr(&output));
 }
 
-/// What was mapped until a disk is full, or an image cannot be read, is not lost.
+/// The map is kept when a disk is full or an image cannot be read.
 #[test]
 fn a_run_that_breaks_off_saves_its_map() {
     let case = Case::new();

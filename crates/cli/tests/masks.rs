@@ -1,6 +1,6 @@
-//! One filter behind both: the masks of `run --masks` and those of the library.
+//! Compares the masks of `run --masks` with those of the library: both use the same filter.
 
-#![allow(clippy::print_stdout)] // What was measured is what docs/evidence/people.md holds.
+#![allow(clippy::print_stdout)] // Prints figures for docs/evidence/people.md.
 
 use crate::common::{check, files, program, simulate};
 use std::path::{Path, PathBuf};
@@ -11,16 +11,15 @@ use stillpoint::geometry::{Camera, Se3, Vec3};
 use stillpoint::imaging::{FrameSource, RgbdFrame, Simd};
 use stillpoint::slam::{Config, DynamicMask, System};
 
-/// Enough for somebody to begin to walk and to cross the image, and for corrections of the map.
+/// Enough for a person to start walking and cross the image, and for map corrections.
 const FRAMES: usize = 60;
 /// Stamps of colour and depth drift against each other as those of a real camera, so that association may leave a frame out.
 const LEAST: usize = FRAMES - 2;
 
-/// A recording in which people walk, with what `run` said of it.
+/// A recording with walking people, and the results of `run`.
 struct Recording {
     camera: Camera,
     frames: Vec<Arc<RgbdFrame>>,
-    /// What a detector sees of it, as a script.
     script: String,
     /// `world_from_camera` of each frame as the run reported it at the time.
     poses: Vec<Se3>,
@@ -71,8 +70,8 @@ impl Recording {
         ScriptedDetector::parse("script", &self.script).unwrap()
     }
 
-    /// How far the run's masks are from those of a [`DynamicMask`] that is given its boxes and its poses, these moved along the
-    /// camera's x axis by half of `jump` (m), to and fro.
+    /// Differences between the run's masks and those of a [`DynamicMask`] with its boxes and poses, where the poses are shifted alternately
+    /// by half of `jump` (m) along the camera's x axis.
     fn difference(&self, jump: f64) -> Difference {
         let config = Config::default();
         let mut filter = DynamicMask::new(&config, self.camera, Simd::detect()).unwrap();
@@ -98,15 +97,12 @@ impl Recording {
     }
 }
 
-/// How far two sequences of masks are from each other.
 #[derive(Debug, Default)]
 struct Difference {
     pixels: usize,
-    /// Pixels that one of two masks holds.
     differ: usize,
-    /// Pixels that both hold.
     both: usize,
-    /// Largest share of a frame's pixels that differ.
+    /// Maximum share of differing pixels in a frame.
     worst: f64,
 }
 
@@ -121,12 +117,11 @@ impl Difference {
         self.worst = self.worst.max(differ as f64 / a.len() as f64);
     }
 
-    /// Share of all pixels that differ.
     fn share(&self) -> f64 {
         self.differ as f64 / self.pixels as f64
     }
 
-    /// What both mask, as a share of what either masks.
+    /// Intersection over union.
     fn overlap(&self) -> f64 {
         self.both as f64 / (self.both + self.differ).max(1) as f64
     }
@@ -152,10 +147,10 @@ fn the_command_line_writes_the_masks_of_the_library_to_the_byte() {
 #[test]
 fn with_the_poses_and_boxes_of_a_run_the_masks_are_those_of_the_run() {
     let given = RECORDING.difference(0.0);
-    // What is left comes of the order in which things are known: a run judges a frame before its pose is measured.
+    // The rest is due to the order of processing: a run judges a frame before its final pose is measured.
     assert!(given.share() < 0.002 && given.worst < 0.01, "{given:?}");
     assert!(given.overlap() > 0.98, "{given:?}");
-    // Control: the poses are what this rests on.
+    // Control: wrong poses give other masks.
     let off = RECORDING.difference(0.1);
     assert!(off.share() > 0.02 && off.overlap() < 0.8, "{off:?}");
 }

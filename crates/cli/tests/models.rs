@@ -1,4 +1,4 @@
-//! `models list|import|check` as users run them, with a cache of each test's own.
+//! `models list|import|check`, with a cache per test.
 
 use crate::common::model_cache::{Cache, checkpoint};
 use crate::common::{check, simulate, stderr, stdout, tiny_model};
@@ -48,7 +48,7 @@ fn an_imported_model_is_used_by_its_name() {
         assert!(text.contains(part), "{text:?} lacks {part:?}");
     }
 
-    // Bytes that changed since are refused.
+    // Files that changed since are refused.
     std::fs::write(cache.file("office.onnx"), b"other").unwrap();
     let output = cache.run(&["models", "check", "office"]);
     check(
@@ -116,7 +116,7 @@ fn without_an_argument_a_model_of_the_cache_looks_at_the_frames() {
     );
     assert!(text.contains("rten "), "{text}");
 
-    // Who did not ask for a model can go on without.
+    // Without --detector, the message says how to go on without a model.
     std::fs::write(cache.file("office.onnx"), b"other").unwrap();
     check(
         &run(&[]),
@@ -225,7 +225,7 @@ fn libraries_that_cannot_be_used_are_reported() {
     let model = tiny_model::write(cache.dir.path());
     let broken = cache.dir.path().join("libonnxruntime.so");
     std::fs::write(&broken, "no library").unwrap();
-    // Nothing else is to be found.
+    // With no other library to be found.
     let run = |runtime: &str, library: Option<&Path>| {
         let mut command = cache.program();
         for name in [
@@ -290,10 +290,10 @@ fn models_are_written_to_files_of_any_name() {
     };
     check(&import("yolov7 (1).pt", "y.onnx"), 0, &["yolo-anchors"]);
     assert!(path("y.onnx").is_file() && path("y.toml").is_file());
-    // The ending is looked at before the file.
+    // The file extension is checked before the file.
     check(&import("missing.pt", "y.txt"), 2, &["--out", "y.txt"]);
 
-    // A card that is not this model's would be taken for it.
+    // An unrelated card would be taken for the model's.
     tiny_model::write(cache.dir.path());
     let before = std::fs::read(path("y.onnx")).unwrap();
     check(&import("tiny.onnx", "y.onnx"), 2, &["y.toml", "its card"]);
@@ -309,7 +309,7 @@ fn what_never_ends_is_not_read() {
     let zero = cache.dir.path().join("zero.onnx");
     std::os::unix::fs::symlink("/dev/zero", &zero).unwrap();
     let huge = cache.dir.path().join("huge.onnx");
-    // Sparse, so that the disk does not hold it.
+    // A sparse file, which takes no disk space.
     let file = std::fs::File::create(&huge).unwrap();
     file.set_len(1 << 40).unwrap();
     for (model, part) in [

@@ -1,4 +1,4 @@
-//! `models pull` as users run it, against a server on loopback.
+//! `models pull` against a server on loopback.
 
 use crate::common::model_cache::{Cache, checkpoint};
 use crate::common::server::{serve, serve_file, write_head};
@@ -29,11 +29,11 @@ fn a_server_that_has_it_not() {
     );
 }
 
-/// Without a network the message says what to get, how to check it, and where to put it.
+/// Without a network the message says what to download, how to check it, and where to put it.
 #[test]
 fn offline() {
     let cache = Cache::new();
-    // A port that was free just now.
+    // A port that was free just before.
     let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("http://{}", port.local_addr().unwrap());
     drop(port);
@@ -115,7 +115,7 @@ fn a_model_of_the_users_own_is_not_replaced_unasked() {
     );
 }
 
-/// Ctrl-C ends a download that goes on forever, and keeps what came.
+/// Ctrl-C ends an endless download, and the partial file is kept.
 #[test]
 #[cfg(unix)]
 fn an_interrupted_download_is_kept() {

@@ -1,10 +1,10 @@
-//! `run --objects`, then `eval --objects`: tracks that are scored as users score them.
+//! `run --objects`, then `eval --objects`.
 
 use crate::common::{check, program, simulate, stdout, stillpoint};
 use serde_json::Value;
 use std::path::Path;
 
-/// What `eval --objects` says of a table against boxes, with further arguments.
+/// The score of `eval --objects` for tracks and boxes, with further arguments.
 fn score(tracks: &Path, boxes: &Path, arguments: &[&str]) -> Value {
     let output = program()
         .args(["eval", "--json"])
@@ -15,7 +15,7 @@ fn score(tracks: &Path, boxes: &Path, arguments: &[&str]) -> Value {
         .unwrap();
     check(&output, 0, &[]);
     let json: Value = serde_json::from_str(&stdout(&output)).unwrap();
-    // With trajectories beside it the score is a part of the answer.
+    // With trajectories the score is a part of the output.
     json.get("objects").unwrap_or(&json)["score"].clone()
 }
 
@@ -24,7 +24,7 @@ fn number(score: &Value, name: &str) -> f64 {
     found.unwrap_or_else(|| panic!("no {name} in {score}"))
 }
 
-/// The table with another number for each object after a stamp, as of a tracker that forgets.
+/// The table with a new id for each object after a stamp, as from a tracker that loses its identities.
 fn forgetful(table: &str, after: f64) -> String {
     let mut lines: Vec<String> = Vec::new();
     for line in table.lines() {
@@ -67,7 +67,7 @@ fn tracked_people_are_scored_against_the_boxes() {
     assert!(number(&good, "idf1") > 0.85, "{good}");
     assert!(number(&good, "hota") > 0.6, "{good}");
     assert_eq!(number(&good, "id_switches"), 0.0, "{good}");
-    // Speeds need no trajectory; where things are in the world of the boxes does.
+    // Speeds need no trajectory; positions in the boxes' world do.
     assert!(number(&good, "speed_error_median") < 0.2, "{good}");
     assert!(good["position_error_median"].is_null(), "{good}");
     let truth = scene.join("groundtruth.txt");
@@ -77,10 +77,10 @@ fn tracked_people_are_scored_against_the_boxes() {
     assert!(number(&placed, "position_error_median") < 0.4, "{placed}");
     assert_eq!(placed["mota"], good["mota"]);
 
-    // Control: a tracker that gives all a new number half-way has the same boxes, and other identities.
+    // Control: new ids half-way leave the boxes equal, and change the identities.
     let worse = dir.path().join("forgetful.csv");
     let table = std::fs::read_to_string(&tracks).unwrap();
-    // An object that was seen once may be a false alarm: it has no row.
+    // An object that was seen once may be a false alarm, and has no row.
     assert!(table.contains(",confirmed,") && !table.contains(",tentative,"));
     std::fs::write(&worse, forgetful(&table, 1.8)).unwrap();
     let worse = score(&worse, &boxes, &[]);
@@ -95,7 +95,7 @@ fn tracked_people_are_scored_against_the_boxes() {
         "{worse}"
     );
 
-    // Where everything is ignored nothing is wrong; what is not there is said.
+    // If everything is ignored, nothing is wrong; missing figures are reported.
     let none = score(&tracks, &boxes, &["--min-visible", "1e9"]);
     assert_eq!(number(&none, "truth_ids"), 0.0, "{none}");
     let missing = dir.path().join("nothing.csv");

@@ -1,9 +1,9 @@
-//! What packages of the program bring beside it: completions that a shell uses, and manual pages that a checker accepts.
+//! Packaging: completions that a shell can use, and manual pages that a checker accepts.
 
 use crate::common::{check, stdout, stillpoint};
 use std::process::Command;
 
-/// Whether a program can be started here; without it the test is counted as skipped.
+/// Whether a program is installed; without it the test is counted as skipped.
 fn there_is(program: &str) -> bool {
     let started = Command::new(program).arg("--version").output().is_ok();
     if !started {
@@ -12,7 +12,6 @@ fn there_is(program: &str) -> bool {
     started
 }
 
-/// What bash offers for the last of these words.
 fn offered(script: &str, words: &[&str]) -> Vec<String> {
     let ask = format!(
         "{script}\nCOMP_WORDS=({}); COMP_CWORD={}; _stillpoint stillpoint '{}' '{}'; printf '%s\\n' \"${{COMPREPLY[@]}}\"",
@@ -56,7 +55,7 @@ fn manual_pages_pass_their_checker() {
         said.starts_with(&format!("{} manual pages in", pages.len())),
         "{said}"
     );
-    // Written again, over those that are there.
+    // Overwrites the existing pages.
     check(&stillpoint(["-q", "man", out.to_str().unwrap()]), 0, &[]);
     if Command::new("mandoc").arg("-h").output().is_err() {
         return stillpoint_testdata::skipped("there is no mandoc");
@@ -64,7 +63,7 @@ fn manual_pages_pass_their_checker() {
     let output = Command::new("mandoc").arg("-Tlint").args(&pages).output();
     let text = String::from_utf8(output.unwrap().stdout).unwrap();
     assert_eq!(text, "");
-    // A page that is not clean would be found.
+    // Control: the checker rejects a faulty page.
     std::fs::write(out.join("bad.1"), ".TH bad 1\n.SH NAME\nbad  \n").unwrap();
     let bad = Command::new("mandoc")
         .arg("-Tlint")
@@ -81,7 +80,7 @@ fn what_cannot_be_written_or_completed_is_said() {
     check(&stillpoint(["completions", "nosh"]), 2, &["nosh", "elvish"]);
 }
 
-/// Everything that the program links is named with its licence, and nothing that it no longer does.
+/// Every linked package is listed with its licence, and no other.
 #[test]
 fn notices_are_of_what_is_linked() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");

@@ -1,5 +1,5 @@
-//! The figures of README: those that `demo` gives, in `docs/images/demo.json` with the picture that shows them. After an intended change, renew
-//! both by `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all readme`, and then README's table.
+//! Compares the figures in README with those of `demo`, stored in `docs/images/demo.json` with the picture that shows them. After an
+//! intended change, renew both by `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all readme`, and then README's table.
 
 use crate::common::{check, program, stdout};
 use serde_json::{Value, json};
@@ -17,7 +17,8 @@ const ROWS: [&str; 6] = [
     "keypoints rejected",
     "landmarks",
 ];
-/// Where ORB-SLAM3 was on the frames of the demo (`simulate --scene walking_xyz --frames 300`, pyorbslam3 0.1.1): another run of it gives another one.
+/// ORB-SLAM3's trajectory on the frames of the demo (`simulate --scene walking_xyz --frames 300`, pyorbslam3 0.1.1), which is not
+/// reproducible.
 const PEER: &str = "docs/images/orbslam3.txt";
 const BLESS: &str = "STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all readme";
 
@@ -28,7 +29,7 @@ fn root(name: &str) -> PathBuf {
     [env!("CARGO_MANIFEST_DIR"), "../..", name].iter().collect()
 }
 
-/// The cells of a line: between bars in a table of Markdown, between wide gaps in one that was printed.
+/// The cells of a line: separated by bars in Markdown, by wide gaps in printed tables.
 fn cells(line: &str) -> Vec<String> {
     let plain = |cell: &str| cell.trim().replace(['*', '`'], "");
     match line.trim().strip_prefix('|') {
@@ -41,7 +42,7 @@ fn cells(line: &str) -> Vec<String> {
     }
 }
 
-/// The rows of the first table whose head names both passes, whether it was printed or is one of Markdown.
+/// The rows of the first table whose head names both passes, printed or in Markdown.
 fn rows(text: &str) -> Vec<Row> {
     let is_head = |line: &&str| {
         let cells: Vec<String> = cells(line).into_iter().filter(|c| !c.is_empty()).collect();
@@ -55,14 +56,12 @@ fn rows(text: &str) -> Vec<Row> {
         .collect()
 }
 
-/// What a text quotes of the lines that the demo ends in.
 fn quoted(text: &str) -> Vec<&str> {
     let lines = text.lines().map(str::trim);
     let ends = |l: &&str| l.starts_with("filter off: ") || l.starts_with("filter on: ");
     lines.filter(ends).collect()
 }
 
-/// What a text that quotes the demo has wrong, in words.
 fn wrong(text: &str, golden: &Value) -> Vec<String> {
     let known: Vec<Row> = serde_json::from_value(golden["rows"].clone()).unwrap();
     let said: Vec<String> = serde_json::from_value(golden["errors"].clone()).unwrap();
@@ -83,7 +82,7 @@ fn wrong(text: &str, golden: &Value) -> Vec<String> {
     wrong
 }
 
-/// The error of another system on the frames of the demo, from the trajectory that it gave, mm.
+/// The error of another system on the frames of the demo, from its trajectory file, mm.
 fn error_of(file: &str) -> String {
     let config = SimulatorConfig {
         scene: "walking_xyz".to_owned(),
@@ -163,7 +162,6 @@ fn figures_that_drift_are_noticed() {
     assert!(!wrong(&table.replace("ATE RMSE", "speed"), &golden).is_empty());
 }
 
-/// Lines of the table that names other systems.
 fn peers(text: &str) -> Vec<&str> {
     let table = text.lines().map(str::trim).filter(|l| l.starts_with('|'));
     let rows = table.skip_while(|l| !l.contains("ms per frame"));
@@ -184,7 +182,7 @@ fn the_peers_in_readme_are_those_of_the_comparison() {
         peers(&measured),
         "README.md and docs/evidence/peers.md differ; `lab peers --document` keeps the runs, `lab document` writes both tables"
     );
-    // A figure that drifts is seen.
+    // Control: a changed figure is detected.
     assert_ne!(
         peers(&readme.replacen("ms per frame", "ms per frame, once", 1)),
         table

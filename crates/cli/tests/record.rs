@@ -1,4 +1,4 @@
-//! `--record`: what is found as messages of ROS 2, and that looking changes nothing.
+//! `--record`: results as ROS 2 messages; recording does not change the results.
 
 use crate::common::{check, simulate, stderr, stdout, stillpoint};
 use std::collections::BTreeMap;
@@ -14,7 +14,6 @@ use tempfile::TempDir;
 
 const FRAMES: usize = 40;
 
-/// A run among people, with a recording of it.
 struct Made {
     dir: TempDir,
     data: PathBuf,
@@ -40,7 +39,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// Runs a data set with its own detections, and gives what was said on stdout.
+/// Runs a data set with its own detections, and returns stdout.
 #[track_caller]
 fn run(data: &Path, result: &Path, more: &[&str]) -> String {
     let script = format!("scripted:{}", data.join("detections.csv").display());
@@ -88,7 +87,7 @@ fn pose(transform: &ros::Transform) -> Se3 {
     )
 }
 
-/// The poses of the transforms `map -> odom -> camera_link`, with the axes of cameras again.
+/// The poses of the transforms `map -> odom -> camera_link`, converted back to camera axes.
 fn trajectory_of(topics: &Topics) -> String {
     let poses: Vec<StampedPose> = decode::<ros::TfMessage<'_>>(topics, "/tf")
         .iter()
@@ -137,7 +136,7 @@ fn every_frame_has_its_messages_and_a_picture_of_the_cameras_size() {
     let picture = image::load_from_memory(&image.data).unwrap().to_rgb8();
     let info = &decode::<ros::CameraInfo<'_>>(&topics, "/stillpoint/camera_info")[0].1;
     assert_eq!(picture.dimensions(), (info.width, info.height));
-    // Rejected features are marked in red on the people.
+    // Rejected features on the people are marked in red.
     let red = |p: &image::Rgb<u8>| p.0[0] > 180 && p.0[1] < 90 && p.0[2] < 90;
     assert!(picture.pixels().filter(|p| red(p)).count() > 20);
 }

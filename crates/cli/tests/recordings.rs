@@ -1,4 +1,4 @@
-//! Recordings as users have them: converted, cut, run, and refused.
+//! Recordings: converted, cut, run, and refused.
 
 use crate::common::{check, simulate, stderr, stdout, stillpoint};
 use std::path::{Path, PathBuf};
@@ -28,7 +28,6 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// Asserts success, and the number of frames that were written.
 #[track_caller]
 fn writes(output: &Output, frames: usize) {
     check(output, 0, &[]);
@@ -36,13 +35,12 @@ fn writes(output: &Output, frames: usize) {
     assert!(said.contains(&format!(": {frames} frames, ")), "{said}");
 }
 
-/// Runs what is at a path: the trajectory, and what was said.
 fn run(path: &Path) -> (String, String) {
     let (trajectory, _, said) = run_with(path, &[]);
     (trajectory, said)
 }
 
-/// Runs what is at a path, with more options: the trajectory, `summary.json`, and what was said.
+/// Runs an input with more options: trajectory, `summary.json`, and output.
 fn run_with(path: &Path, more: &[&str]) -> (String, serde_json::Value, String) {
     let out = tempfile::tempdir().unwrap();
     let target = out.path().join("out");
@@ -76,7 +74,7 @@ fn a_converted_folder_runs_as_the_folder_does() {
     assert_eq!(of_folder, of_file);
 }
 
-/// Asserts that two trajectories differ by what stamps of whole nanoseconds make of samples between them.
+/// Asserts that two trajectories are equal up to the rounding of sample stamps to nanoseconds.
 #[track_caller]
 fn is_near(a: &str, b: &str) {
     assert_eq!(a.lines().count(), b.lines().count());
@@ -120,7 +118,7 @@ fn an_inertial_sensor_is_converted_and_cut_along() {
     for (from, to) in [(&folder, &file), (&file, &back)] {
         let output = stillpoint(["recording", "convert", text(from), text(to)]);
         writes(&output, 20);
-        // 200 Hz over 19 intervals of frames, and one behind them.
+        // 200 Hz over 19 intervals of frames, and one after them.
         assert!((120..150).contains(&samples(&output)));
     }
     let (expected, summary, _) = run_with(&folder, &[]);
@@ -190,7 +188,7 @@ fn odometry_is_converted_and_cut_along() {
     for (from, to) in [(&folder, &file), (&file, &back)] {
         let output = stillpoint(["recording", "convert", text(from), text(to)]);
         writes(&output, 20);
-        // 50 Hz over 19 intervals of frames, and one behind the last; a file has no times before 0.
+        // 50 Hz over 19 intervals of frames, and one after the last; a file has no times before 0.
         assert_eq!(samples(&output), 33);
     }
     let (expected, summary, _) = run_with(&folder, &[]);
@@ -274,7 +272,7 @@ fn info_tells_topics_and_frames() {
 #[test]
 fn a_part_is_cut_by_time_or_by_frames() {
     let out = PAIR.dir.path();
-    // Frames are 1/30 s apart; times between those of frames do not depend on rounding.
+    // Frames are 1/30 s apart; cut times between frames do not depend on rounding.
     let by_time = out.join("time.mcap");
     let truth = ["--truth-topic", "/ground_truth/pose"];
     let times = [&["--start-time", "0.09", "--end-time", "0.29"], &truth[..]].concat();
@@ -334,7 +332,7 @@ fn what_is_before_a_cut_off_end_runs() {
     assert!((4..FRAMES).contains(&frames), "{frames}");
 }
 
-/// Every message twice: of a camera in front and of one behind.
+/// A recording with every message twice: from a camera in front and from one behind.
 fn of_two_cameras(one: &Path, two: &Path) {
     let bytes = std::fs::read(one).unwrap();
     let file = std::fs::File::create(two).unwrap();

@@ -1,4 +1,4 @@
-//! `render`: a run as a moving picture.
+//! `render`: a run as an animation.
 
 use crate::common::{check, copy, stderr, stdout, stillpoint};
 use crate::report::{FRAMES, MADE, text};
@@ -13,7 +13,7 @@ use std::sync::LazyLock;
 const SHOWN: usize = FRAMES / 3;
 /// Width and height of the left half, px.
 const VIEW: (u32, u32) = (448, 336);
-/// The colour of the first trajectory of somebody else.
+/// The colour of the first other trajectory.
 const OTHER: [u8; 3] = [255, 120, 60];
 
 fn render(result: &Path, out: &Path, more: &[&str]) -> Output {
@@ -24,14 +24,13 @@ fn at(name: &str) -> PathBuf {
     MADE.dir.path().join(name)
 }
 
-/// The last picture.
 static STILL: LazyLock<RgbImage> = LazyLock::new(|| {
     let out = at("still.png");
     check(&render(&MADE.result, &out, &[]), 0, &[]);
     image::open(out).unwrap().to_rgb8()
 });
 
-/// How red a part of the view is, and the rest of it: where people are by the simulator's masks.
+/// Redness of the camera image on people, by the simulator's masks, and elsewhere.
 fn redness(picture: &RgbImage) -> [f64; 2] {
     let masks = MADE.dir.path().join("people walk").join("mask");
     let mut names: Vec<PathBuf> = std::fs::read_dir(masks)
@@ -51,7 +50,7 @@ fn redness(picture: &RgbImage) -> [f64; 2] {
     sums.map(|(sum, n)| sum / n)
 }
 
-/// Pixels of a colour on the right, above the legend.
+/// Number of pixels of a colour on the right, above the legend.
 fn count(picture: &RgbImage, colour: [u8; 3]) -> usize {
     let right = picture
         .enumerate_pixels()
@@ -84,7 +83,7 @@ fn a_run_becomes_pictures_that_move() {
         .map(|f| f64::from(f.delay().numer_denom_ms().0) / f64::from(f.delay().numer_denom_ms().1))
         .sum();
     assert!((3500.0..=4300.0).contains(&ms), "{ms}");
-    // The surface grows: of the dark ground ever less is left.
+    // The surface grows: less and less of the dark background remains.
     let dark = |i: usize| {
         let picture = image::DynamicImage::from(frames[i].buffer().clone()).to_rgb8();
         let right = picture
@@ -101,7 +100,7 @@ fn people_are_tinted_and_the_trajectory_is_there() {
     let [people, room] = redness(&STILL);
     assert!(count(&STILL, [30, 200, 110]) > 30);
     assert!(count(&STILL, [240, 244, 250]) > 30, "the true one");
-    // Without the filter nobody is.
+    // Without the filter no region is tinted.
     let (data, off) = (at("people walk"), at("off"));
     let set = ["--set", "static_filter.preset=off", "--out", text(&off)];
     let output = stillpoint([&["run", text(&data), "--detector", "none"], &set[..]].concat());
@@ -109,7 +108,7 @@ fn people_are_tinted_and_the_trajectory_is_there() {
     let out = at("off.png");
     check(&render(&off, &out, &[]), 0, &[]);
     let plain = redness(&image::open(out).unwrap().to_rgb8());
-    // In this frame, half of somebody close to the camera: what the detector missed is judged by its motion.
+    // In this frame a person fills half of the image: regions that the detector missed are judged by their motion.
     assert!(people > plain[0] + 20.0, "{people} {plain:?}");
     assert!((room - plain[1]).abs() < 10.0, "{room} {plain:?}");
 }
@@ -117,7 +116,7 @@ fn people_are_tinted_and_the_trajectory_is_there() {
 #[test]
 fn other_trajectories_are_drawn_beside_it() {
     assert_eq!(count(&STILL, OTHER), 0);
-    // It drifts to the side, ever faster.
+    // A trajectory with accelerating drift to the side.
     let ours = std::fs::read_to_string(MADE.result.join("trajectory.txt")).unwrap();
     let lines = ours.lines().filter(|l| !l.starts_with('#')).enumerate();
     let drifting = lines.map(|(i, line)| {
@@ -209,7 +208,7 @@ fn what_cannot_be_rendered_is_refused() {
         &["--also", &also],
         "--also A: expected stamps of the run",
     );
-    // Nothing that is read, and nothing of the result, is replaced.
+    // No input and no result file is replaced.
     let (mine, track) = (result.join("plot.png"), at("track.png"));
     refused(result, &mine, &[], "a file of the result");
     std::fs::copy(result.join("trajectory.txt"), &track).unwrap();
@@ -223,7 +222,7 @@ fn what_cannot_be_rendered_is_refused() {
         .unwrap()
         .path();
     refused(result, &image, &[], "outside of the data set for --out");
-    // A recording of something else.
+    // A recording of another scene.
     let strange = at("strange");
     crate::common::simulate(&strange, "xyz", 20);
     let output = render(result, &out, &["--input", text(&strange)]);

@@ -1,4 +1,4 @@
-//! The report of a run: what is in it, and how it is in a browser.
+//! The report of a run: its contents, and its behaviour in a browser.
 
 use crate::common::browser::Browser;
 use crate::common::{check, simulate, stderr, stdout, stillpoint};
@@ -9,7 +9,6 @@ use tempfile::TempDir;
 
 pub(crate) const FRAMES: usize = 60;
 
-/// A run among people, with its report.
 pub(crate) struct Made {
     pub(crate) dir: TempDir,
     pub(crate) result: PathBuf,
@@ -70,7 +69,7 @@ fn without_a_report_the_result_is_the_same() {
         let read = |folder: &Path| std::fs::read(folder.join(file)).unwrap();
         assert!(read(&again) == read(&MADE.result), "{file}");
     }
-    // A page can be made of what is there.
+    // The page can be made from the remaining files.
     check(&stillpoint(["report", text(&again)]), 0, &[]);
     let page = std::fs::read_to_string(again.join("report.html")).unwrap();
     assert!(page.len() < 300_000, "{}", page.len());
@@ -127,7 +126,7 @@ fn what_is_no_result_is_refused() {
     check(&output, 2, &["report.html: expected a report of a run"]);
 }
 
-/// Share of the pixels of the view that are drawn on, and a number that tells pictures apart.
+/// Share of the view's pixels that are drawn, and a hash of the image.
 pub(crate) const LOOK: &str = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => {
     const from = document.querySelector('#scene'), canvas = document.createElement('canvas');
     [canvas.width, canvas.height] = [from.width, from.height];
@@ -160,7 +159,7 @@ fn the_page_shows_what_the_summary_says() {
         let share = seen[0].as_f64().unwrap();
         assert!(share > 0.05, "{what}: {share}");
         assert!(!looks.contains(&seen[1]), "{what} looks as before");
-        // Of what does not change only the parts are drawn again that something had covered.
+        // An incremental redraw equals a full one.
         browser.eval("page.view.scene.key = null, page.view.redraw()");
         assert_eq!(browser.eval(LOOK), seen, "{what}, drawn anew");
         looks.push(seen[1].clone());
@@ -187,7 +186,7 @@ fn keys_and_fingers_do_what_the_mouse_does() {
     };
     browser.open(&MADE.page, "");
     browser.until("stillpoint.state.ready");
-    // Every control can be reached, and is seen to be.
+    // Every control can be focused, and shows its focus.
     let mut reached = Vec::new();
     for _ in 0..60 {
         browser.press("Tab", 0);
@@ -239,7 +238,7 @@ fn keys_and_fingers_do_what_the_mouse_does() {
         assert_ne!(browser.eval(&scene(what)), before, "{key}");
     }
 
-    // Two fingers that part zoom; one turns.
+    // Spreading two fingers zooms; one finger rotates.
     let touch = json!({"enabled": true, "maxTouchPoints": 2});
     browser.call("Emulation.setTouchEmulationEnabled", &touch);
     browser.eval("document.querySelector('#scene').scrollIntoView({block: 'center'})");
@@ -270,7 +269,7 @@ fn keys_and_fingers_do_what_the_mouse_does() {
     assert_eq!(browser.errors, [""; 0]);
 }
 
-/// Text whose contrast with what is behind it is under 4.5 (WCAG 2.1).
+/// Text whose contrast with its background is under 4.5 (WCAG 2.1).
 pub(crate) const FAINT: &str = "(() => {
     const parse = c => c.match(/[\\d.]+/g).map(Number);
     const light = c => { const [r, g, b] = parse(c).map(v => (v /= 255) <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4); return 0.2126 * r + 0.7152 * g + 0.0722 * b; };

@@ -1,5 +1,6 @@
-//! How the page of a run looks: that a screen holds what belongs to a frame, that it prints and fits a phone, and pictures of it, which are compared with
-//! those in `golden/`. They are renewed by `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all report_looks`; look at them before you commit them.
+//! Appearance of the report: a screen shows everything about a frame, the page prints and fits a phone, and screenshots match those in
+//! `golden/`. Renew these by `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all report_looks`, and look at them before you commit
+//! them.
 
 use crate::common::browser::Browser;
 use crate::report::MADE;
@@ -7,13 +8,13 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 use stillpoint::view::report::Column;
 
-/// Factor by which pictures of pages are reduced before they are kept.
+/// Factor by which screenshots are reduced before they are stored.
 const KEPT: u32 = 4;
-/// Side of the blocks whose means are compared, px of the reduced picture: browser versions differ less in block means than in pixels.
+/// Side of the blocks whose means are compared, px of the reduced image: browser versions differ less in block means than in pixels.
 const BLOCK: u32 = 6;
-/// Two blocks are alike up to this difference, grey levels of 255. Measured: text that moves by a pixel changes less, a missing part changes more.
+/// Maximum difference of equal blocks, grey levels of 255. Measured: text that moves by a pixel changes less, a missing part changes more.
 const ALIKE: f64 = 24.0;
-/// Share of blocks that may differ: fonts vary.
+/// Maximum share of differing blocks: fonts vary.
 const OTHER: f64 = 0.02;
 
 fn size(browser: &mut Browser, [width, height]: [u32; 2], dense: u32) {
@@ -32,7 +33,6 @@ fn open(browser: &mut Browser, fragment: &str) {
     browser.until("stillpoint.state.ready && document.fonts.status === 'loaded'");
 }
 
-/// Bytes that the browser gives as base 64.
 fn bytes(value: &Value) -> Vec<u8> {
     let column: Column<u8> = serde_json::from_value(value.clone()).unwrap();
     column.0
@@ -70,7 +70,7 @@ fn a_screen_holds_all_that_belongs_to_a_frame() {
             browser.eval("document.querySelectorAll('#numbers > div').length"),
             6
         );
-        // The picture is stored large enough, shown large enough, and drawn in the screen's own pixels.
+        // The image is stored large enough, shown large enough, and drawn at the screen's resolution.
         let stored = browser.eval("stillpoint.run.data.pictures.size[0]");
         assert!(stored.as_u64().unwrap() >= 320, "{stored}");
         let wide =
@@ -102,7 +102,7 @@ fn it_opens_where_something_happened_and_takes_keys_at_once() {
         browser.press(key, modifiers);
         assert_eq!(browser.eval("stillpoint.state.frame"), expected, "{key}");
     }
-    // A click on the map or on a button leaves the keyboard to the page.
+    // A click on the map or on a button leaves the keyboard focus to the page.
     for part in ["#scene", "#next"] {
         let at = browser.eval(&format!("(r => [r.left + 9, r.top + 9])(document.querySelector('{part}').getBoundingClientRect())"));
         for kind in ["mousePressed", "mouseReleased"] {
@@ -140,7 +140,7 @@ fn it_prints_on_two_pages() {
     assert_eq!(pages - lists, 2);
 }
 
-/// Words that lie over each other: those of two parts of which none holds the other.
+/// Overlapping texts of two elements, none of which contains the other.
 const OVERLAPS: &str = "(() => {
     const words = [...document.querySelectorAll('body *')].filter(e => e.checkVisibility() && !e.closest('script, .menu > div') && [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim()));
     const clipped = (e, r) => {
@@ -177,7 +177,7 @@ fn nothing_overlaps_on_a_phone_or_on_a_screen() {
     }
 }
 
-/// Times differ from run to run: they become the same in all.
+/// Replaces times, which differ from run to run.
 const STEADY: &str = "(() => {
     const run = stillpoint.run, s = run.summary;
     run.time_ms.fill(12);
@@ -188,7 +188,7 @@ const STEADY: &str = "(() => {
     return new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(() => done(true), 200))));
 })()";
 
-/// What differs between two pictures: the share of blocks of which the mean differs in any channel.
+/// Share of blocks whose mean differs between two images in any channel.
 fn difference(a: &image::RgbImage, b: &image::RgbImage) -> f64 {
     assert_eq!(a.dimensions(), b.dimensions());
     let (width, height) = a.dimensions();
@@ -248,7 +248,7 @@ fn it_looks_as_it_did() {
                 other.display()
             );
         }
-        // A page without its map or its picture does not pass for it.
+        // Control: a page without map or image is detected.
         for part in ["#scene", "#picture"] {
             browser.eval(&format!(
                 "document.querySelector('{part}').style.visibility = 'hidden'"

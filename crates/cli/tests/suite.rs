@@ -38,13 +38,11 @@ fn json(out: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(out.join("suite.json")).unwrap()).unwrap()
 }
 
-/// The row of a sequence.
 fn row<'a>(report: &'a Value, name: &str) -> &'a Value {
     let rows = report["sequences"].as_array().unwrap();
     rows.iter().find(|r| r["name"] == name).unwrap()
 }
 
-/// The median of a figure of a case.
 fn figure(case: &Value, error: &str, statistic: &str) -> f64 {
     case["figures"][error][statistic]["median"]
         .as_f64()
@@ -63,13 +61,12 @@ fn lines(text: &str, name: &str) -> Vec<Vec<String>> {
     lines.map(cells).collect()
 }
 
-/// The first of them.
 fn line(text: &str, name: &str) -> Vec<String> {
     let first = lines(text, name).into_iter().next();
     first.unwrap_or_else(|| panic!("no line {name} in {text}"))
 }
 
-/// The part of the report that puts figures beside published ones.
+/// The part of the report with published figures.
 fn compared(text: &str) -> &str {
     text.split("Beside published figures.").nth(1).unwrap()
 }
@@ -81,7 +78,7 @@ fn a_folder_like_tum_gives_a_table_beside_published_figures() {
     copy(&room(), &tum.join("rgbd_dataset_freiburg3_walking_xyz"));
     let deep = tum.join("fr3/rgbd_dataset_freiburg3_sitting_rpy");
     copy(&room(), &deep);
-    // Not of the suite.
+    // Not part of the suite.
     copy(&room(), &tum.join("rgbd_dataset_freiburg1_xyz"));
     let out = dir.path().join("out");
     let output = suite("tum-dynamic", &tum, &out, &["--seeds", "2", "--seed", "5"]);
@@ -105,7 +102,7 @@ fn a_folder_like_tum_gives_a_table_beside_published_figures() {
     let missing = line(&text, "walking_halfsphere");
     assert_eq!(missing[1..6], ["", "not found", "-", "-", "-"]);
 
-    // A row per system that is compared, with every figure and its source, and ours below them.
+    // A row per published system, with every figure and its source, and ours below them.
     let published = compared(&text);
     let systems = lines(published, "walking_xyz");
     let names: Vec<&str> = systems.iter().map(|l| l[1].as_str()).collect();
@@ -136,7 +133,7 @@ fn a_folder_like_tum_gives_a_table_beside_published_figures() {
         ]
     );
     assert_eq!(systems[5][10], "[1] Table 1, Table 2, Table 3");
-    // The best of a sequence is bold, which in this easy room is ours, and nothing else is.
+    // Only the best error of a sequence is bold, which in this easy room is ours.
     let bold = |cell: &str| cell.starts_with("**");
     for column in [2, 5, 7] {
         let marked: Vec<bool> = systems.iter().map(|l| bold(&l[column])).collect();
@@ -148,7 +145,7 @@ fn a_folder_like_tum_gives_a_table_beside_published_figures() {
     let less: f64 = systems[6][4].parse().unwrap();
     assert!((98.0..100.0).contains(&less), "{less}");
     assert_eq!(systems[0][4], "0.0");
-    // Also of what was not found; and nothing of what nothing was published on.
+    // Published figures are listed for missing sequences too; sequences without any have no rows.
     assert_eq!(lines(published, "walking_halfsphere").len(), 6);
     assert!(lines(published, "sitting_rpy").is_empty());
     for source in [
@@ -220,7 +217,7 @@ fn an_ablation_and_live_runs_go_with_a_suite() {
     let ours = lines(&text, "walking_rpy");
     assert_eq!(ours[7][1], "live");
     let compared = lines(compared(&text), "walking_rpy");
-    // The published ablation stands between the other systems and our variants.
+    // The published ablation is between the other systems and our variants.
     assert_eq!(compared.len(), 6 + 5 + 8);
     assert_eq!(
         compared[6 + 1][1..4],
@@ -229,7 +226,7 @@ fn an_ablation_and_live_runs_go_with_a_suite() {
     assert_eq!(compared[6 + 5 + 4][1], "Stillpoint, O+G+D");
     assert_eq!(compared[6 + 5 + 7][1], "Stillpoint, live");
     assert!(text.contains("Table 5 (its parts)"), "{text}");
-    // What a live run dropped is said, and such a run is not as any other.
+    // Dropped frames of a live run are reported, and such a run cannot be the best.
     let live = &cases[7];
     let dropped = live["figures"]["dropped"]["worst"].as_f64().unwrap();
     let state = if dropped > 0.0 {
@@ -240,7 +237,7 @@ fn an_ablation_and_live_runs_go_with_a_suite() {
     assert_eq!(ours[7][2], state);
     assert_eq!(ours[7][4], format!("{0:.1} / {0:.1}", 100.0 * dropped));
     assert_eq!(ours[6][4], "-");
-    // Live runs are for suites.
+    // --live needs --suite.
     let output = stillpoint(["bench", "--live", "sim:xyz"]);
     check(&output, 2, &["--suite"]);
 }
@@ -275,7 +272,7 @@ fn a_sequence_that_fails_does_not_stop_the_others() {
     assert!(error.contains("rgb.txt:2"), "{error}");
     assert_eq!(row(&report, "walking_static")["state"], "ran");
 
-    // Alone, nothing is left to report.
+    // Alone, it leaves nothing to report.
     let output = suite("tum-dynamic", &broken, &dir.path().join("alone"), &[]);
     check(&output, 2, &["rgb.txt:2"]);
 }
@@ -336,7 +333,7 @@ fn bonn_is_scored_against_the_camera_behind_the_marker_with_both_factors_of_dept
     let report = json(&out);
     let cases = row(&report, "crowd")["cases"].as_array().unwrap();
     let [nominal, calibrated] = [&cases[0], &cases[1]];
-    // One run cannot say that runs are the same.
+    // A single run cannot be compared.
     assert_eq!(nominal["figures"]["identical"], Value::Null);
     assert_eq!(nominal["runs"][0]["input"]["layout"], "Bonn");
     let rpe = figure(nominal, "rpe_translation", "rmse");
@@ -346,7 +343,7 @@ fn bonn_is_scored_against_the_camera_behind_the_marker_with_both_factors_of_dept
     // The room was recorded with the nominal factor: with the other one everything is 5.9 % too large.
     let large = figure(calibrated, "rpe_translation", "rmse");
     assert!(large > 2.0 * rpe, "{large} {rpe}");
-    // Control: the marker's own poses are far from that.
+    // Control: the marker's own poses do not fit.
     let estimate = out.join("runs/crowd-bonn-as-set-1/trajectory.txt");
     let output = program()
         .args(["eval", "--json"])
@@ -358,7 +355,7 @@ fn bonn_is_scored_against_the_camera_behind_the_marker_with_both_factors_of_dept
     let marker = marker["rpe"]["translation"]["rmse"].as_f64().unwrap();
     assert!(marker > 5.0 * rpe, "{marker} {rpe}");
 
-    // A camera that the user names is the only one.
+    // A camera given by the user is the only one.
     let out = dir.path().join("named");
     let more = ["--runs", "1", "--camera", "bonn", "--max-frames", "5"];
     check(&suite("bonn", dir.path(), &out, &more), 0, &[]);
@@ -368,8 +365,8 @@ fn bonn_is_scored_against_the_camera_behind_the_marker_with_both_factors_of_dept
     );
 }
 
-/// The pose that the data set would state for a camera: `T_ros T T_m^-1 T_ros`, the inverse of the published conversion
-/// `T = T_ros T_gt T_ros T_m` (`T_ros` is its own inverse), with the rotation in `T_m`.
+/// The pose that the data set would state for a camera: `T_ros T T_m^-1 T_ros`, the inverse of the published conversion `T = T_ros T_gt
+/// T_ros T_m` (`T_ros` is its own inverse), with the rotation in `T_m`.
 fn marker_pose(world_from_camera: &Se3) -> Se3 {
     let ros = Mat3::new(-1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0);
     let marker = Mat3::new(

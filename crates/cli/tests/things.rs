@@ -1,4 +1,4 @@
-//! `run --things`, then `map objects` and `map merge`: what stands in the room, as users ask for it.
+//! `run --things`, then `map objects` and `map merge`.
 
 use crate::common::{check, stdout, stillpoint};
 use serde_json::Value;
@@ -32,7 +32,7 @@ fn things_are_found_kept_listed_and_left_alone_by_localize() {
         &script,
     ];
     let more = ["--things", "--out", text(&result), "--save-map", text(&map)];
-    // Many keyframes, so that so short a map is recognised when it is merged.
+    // Frequent keyframes, so that so short a map is recognised when it is merged.
     let often = [
         "--set",
         "keyframes.max_view_angle=0",
@@ -62,14 +62,14 @@ fn things_are_found_kept_listed_and_left_alone_by_localize() {
     );
     assert!(table.starts_with("room 1: "), "{table}");
 
-    // A run that only asks where it is leaves the map as it is; it says no things of its own.
+    // Localisation leaves the map unchanged, and finds no objects of its own.
     let before = std::fs::read(&map).unwrap();
     let (asked, load) = (at("asked"), ["--localize", text(&map)]);
     let out = ["--out", text(&asked)];
     check(&stillpoint([&run[..], &load, &out].concat()), 0, &[]);
     assert!(std::fs::read(&map).unwrap() == before && !asked.join("things.json").exists());
 
-    // Two maps of one room have its things once.
+    // Merging two maps of one room keeps each object once.
     let both = at("both.spmap");
     let merge = ["map", "merge", text(&map), text(&map), "--out", text(&both)];
     check(&stillpoint(merge), 0, &[]);

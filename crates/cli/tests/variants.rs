@@ -1,4 +1,4 @@
-//! Recordings that other libraries wrote: those that `tools/recordings/variants.py` makes of fr1_xyz, in the folder that
+//! Recordings written by other libraries: those that `tools/recordings/variants.py` makes of fr1_xyz, in the folder that
 //! `STILLPOINT_VARIANTS` names.
 
 use crate::common::{check, stderr, stdout, stillpoint};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 const FRAMES: usize = 300;
 
-/// The recording that the variants were made of, and their folder; none, counted as skipped, where one is missing.
+/// The recording that the variants were made of, and their folder; `None`, counted as skipped, where one is missing.
 fn variants() -> Option<(PathBuf, PathBuf)> {
     let Some(made) = std::env::var_os("STILLPOINT_VARIANTS") else {
         stillpoint_testdata::skipped("STILLPOINT_VARIANTS names no folder of recordings");
@@ -19,7 +19,6 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// What a folder holds, in the order of names.
 fn entries(folder: &Path) -> Vec<PathBuf> {
     let mut found: Vec<_> = folder
         .read_dir()
@@ -30,7 +29,7 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Runs a recording without any option that says what is in it: the trajectory, and its ATE in metres.
+/// Runs a recording without options about its contents: the trajectory, and its ATE in metres.
 #[track_caller]
 fn run(path: &Path, truth: &Path) -> (String, f64) {
     let dir = tempfile::tempdir().unwrap();
@@ -56,7 +55,7 @@ fn variants_of_a_recording_run_as_the_folder_does() {
     let truth = folder.join("groundtruth.txt");
     let (_, of_folder) = run(&folder, &truth);
 
-    // Without loss but for depth in whole millimetres: all the same.
+    // Lossless except for depth in whole millimetres: all equal.
     let lossless = entries(&made.join("lossless"));
     let runs: Vec<_> = lossless.iter().map(|path| run(path, &truth)).collect();
     assert_eq!(runs.len(), 6);

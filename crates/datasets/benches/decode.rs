@@ -1,5 +1,5 @@
-//! Time to read and decode one frame of 640 x 480, by kind of file: `cargo bench -p stillpoint-datasets`. Real images from
-//! `fr1_xyz` where they are (see the README on data), else rendered gradients with noise.
+//! Time to read and decode one frame of 640 x 480, by kind of file: `cargo bench -p stillpoint-datasets`. Uses real images of `fr1_xyz` if
+//! available (see the README on data), else rendered gradients with noise.
 
 use divan::Bencher;
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb};
@@ -10,7 +10,7 @@ fn main() {
     divan::main();
 }
 
-/// A colour and a depth image, with something of the entropy of real ones.
+/// A colour and a depth image with roughly the entropy of real ones.
 fn images() -> (DynamicImage, DynamicImage) {
     let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
         || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),

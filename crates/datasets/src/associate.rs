@@ -1,19 +1,18 @@
-//! Which depth image belongs to which colour image.
+//! Association of depth and colour images.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-/// Largest difference between the stamps of a pair, s, as in the TUM tools.
+/// Maximum stamp difference of a pair, s, as in the TUM tools.
 pub const DEFAULT_MAX_DT: f64 = 0.02;
 
-/// Pairs `(i, j)` of indices with `|a[i] - b[j]| < max_dt`, one to one, the closest pairs first (greedy, as the TUM
-/// RGB-D benchmark's association does), in ascending order of `i`. Equal differences are decided by the lower
-/// index. Both lists must ascend.
+/// Pairs `(i, j)` of indices with `|a[i] - b[j]| < max_dt`, one to one, closest first (greedy, as in the TUM RGB-D benchmark), in ascending
+/// order of `i`. Ties take the lower index. Both lists must ascend.
 #[must_use]
 pub fn associate(a: &[f64], b: &[f64], max_dt: f64) -> Vec<(usize, usize)> {
     let mut row = Row::of(a, b);
-    // The closest two of those that are left always stand beside each other: anything between them would be closer to one of the two.
-    // So a list of neighbours is enough, however many stamps of the one lie near each of the other.
+    // The closest two remaining stamps are always adjacent: anything between them would be closer to one of the two. So a list of
+    // neighbours suffices, however many stamps are within `max_dt` of each other.
     let mut open: BinaryHeap<Reverse<Neighbours>> = (1..row.items.len())
         .filter_map(|right| row.neighbours(right - 1, right, max_dt))
         .map(Reverse)
@@ -32,17 +31,17 @@ pub fn associate(a: &[f64], b: &[f64], max_dt: f64) -> Vec<(usize, usize)> {
     pairs
 }
 
-/// The stamps of both lists in one row, from which pairs are taken.
+/// The merged stamps of both lists, from which pairs are removed.
 struct Row {
-    /// Whether it is of the second list, its index there, and its stamp, s.
+    /// Whether it is from the second list, its index there, and its stamp, s.
     items: Vec<(bool, usize, f64)>,
-    /// What stands before and behind each of them, of those that are left; the number of items for none.
+    /// Remaining predecessor and successor of each; the number of items for none.
     before: Vec<usize>,
     behind: Vec<usize>,
     taken: Vec<bool>,
 }
 
-/// Two that stand beside each other and are of both lists. The order is that in which pairs are taken.
+/// Two adjacent stamps from different lists. Ordered by the sequence in which pairs are taken.
 #[derive(Debug)]
 struct Neighbours {
     dt: f64,
@@ -70,7 +69,7 @@ impl Row {
         }
     }
 
-    /// Two neighbours, if they may be a pair.
+    /// Two neighbours, if they may form a pair.
     fn neighbours(&self, left: usize, right: usize, max_dt: f64) -> Option<Neighbours> {
         let (x, y) = (self.items[left], self.items[right]);
         let pair = match (x.0, y.0) {
@@ -87,7 +86,7 @@ impl Row {
         })
     }
 
-    /// Takes two neighbours out, and gives those that stand beside each other then.
+    /// Removes two neighbours, and returns the indices that become adjacent.
     fn take(&mut self, left: usize, right: usize) -> Option<(usize, usize)> {
         (self.taken[left], self.taken[right]) = (true, true);
         let (before, behind) = (self.before[left], self.behind[right]);
@@ -128,7 +127,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The definition, without any window.
+    /// The definition, by exhaustive search.
     fn brute_force(a: &[f64], b: &[f64], max_dt: f64) -> Vec<(usize, usize)> {
         let mut all: Vec<(f64, usize, usize)> = (0..a.len())
             .flat_map(|i| (0..b.len()).map(move |j| (i, j)))
@@ -165,7 +164,7 @@ mod tests {
         assert_eq!(associate(&[1.0], &[1.02], 0.02), []);
     }
 
-    /// Were all pairs within the limit listed first, these would be 10^9.
+    /// Listing all pairs within the limit would take 10^9 steps.
     #[test]
     fn many_stamps_near_each_other_take_no_more_than_others() {
         let n = 30_000;

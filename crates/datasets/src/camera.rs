@@ -10,34 +10,34 @@ use crate::presets::{preset_names, preset_text};
 use std::path::{Path, PathBuf};
 use stillpoint_geometry::{BrownConrady, Camera, ImuModel, OdometryModel};
 
-/// A camera with what its depth images mean.
+/// A camera with the scale of its depth images.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraModel {
-    /// Where it comes from: a preset's name, or the name given in the file, or the file.
+    /// Name of the preset, or from the camera file, or the file.
     pub name: String,
-    /// Lens and size of the images, px. A size of 0 x 0 stands for the size of the images until a data set is opened.
+    /// Lens and size of the images, px. A size of 0 x 0 is replaced by that of the images when a data set is opened.
     pub camera: Camera,
     /// Depth image values per metre.
     pub depth_scale: f64,
-    /// Whether it is made of a data sheet's field of view and not of a calibration: a device differs by some per cent.
+    /// Whether it comes from a data sheet's field of view instead of a calibration: a device differs by some per cent.
     pub nominal: bool,
-    /// The inertial sensor that is fixed to it, if it is known.
+    /// The inertial sensor mounted on it, if known.
     pub imu: Option<ImuModel>,
-    /// The odometry of the base that carries it, if it is known how it stands on that.
+    /// The odometry of the base that carries it, if the camera's pose on it is known.
     pub odometry: Option<OdometryModel>,
 }
 
-/// What the user asked for: the name of a preset, or a camera file.
+/// The user's choice: a preset, or a camera file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CameraChoice {
-    /// A preset by its name, see [`CameraModel::preset_names`].
+    /// A preset, see [`CameraModel::preset_names`].
     Preset(String),
     /// A camera file, TOML or text.
     File(PathBuf),
 }
 
 impl CameraChoice {
-    /// Takes the text for a preset's name if there is such a preset, else for a file.
+    /// A preset if one has this name, else a file.
     #[must_use]
     pub fn from_argument(text: &str) -> Self {
         if preset_text(text).is_some() {
@@ -48,7 +48,6 @@ impl CameraChoice {
     }
 }
 
-/// The keys of a camera file.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CameraFile {
@@ -85,10 +84,10 @@ impl CameraModel {
         Self::parse_toml(text, &PathBuf::from(format!("preset {name}")))
     }
 
-    /// Reads a camera file: TOML when it is named so, else text.
+    /// Reads a camera file: TOML by its extension, else text.
     ///
     /// # Errors
-    /// [`DatasetError::UnknownCamera`] when there is no such file, [`DatasetError::Read`], [`DatasetError::Malformed`].
+    /// [`DatasetError::UnknownCamera`] for a missing file, [`DatasetError::Read`], [`DatasetError::Malformed`].
     pub fn from_file(path: &Path) -> Result<Self> {
         if !path.is_file() {
             return Err(unknown(path));
@@ -101,7 +100,7 @@ impl CameraModel {
         }
     }
 
-    /// The camera that a user chose.
+    /// The camera that the user chose.
     ///
     /// # Errors
     /// As [`CameraModel::preset`] and [`CameraModel::from_file`].
@@ -112,7 +111,7 @@ impl CameraModel {
         }
     }
 
-    /// Parses a camera in TOML; `path` is named in errors.
+    /// Parses a camera in TOML; `path` is for messages.
     ///
     /// # Errors
     /// [`DatasetError::Malformed`].
@@ -162,7 +161,7 @@ impl CameraModel {
         Ok(model)
     }
 
-    /// Parses `fx fy cx cy depth_scale`; `path` is named in errors.
+    /// Parses `fx fy cx cy depth_scale`; `path` is for messages.
     ///
     /// # Errors
     /// [`DatasetError::Malformed`].
@@ -198,12 +197,12 @@ impl CameraModel {
         Ok(model)
     }
 
-    /// The text of a camera file that reads back as this camera.
+    /// The camera as a TOML file.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let c = &self.camera;
         let d = &c.distortion;
-        // The name is quoted as a TOML basic string; other escapes than these two cannot occur after the filter.
+        // Quoted as a TOML basic string; after the filter only these two characters need escapes.
         let name: String = self
             .name
             .chars()
@@ -238,7 +237,7 @@ impl CameraModel {
         )
     }
 
-    /// Figures that no camera has are mistakes in the file. Of a camera without a size, what does not depend on it.
+    /// Rejects impossible values. Without an image size, only checks that do not depend on it.
     fn check(&self, path: &Path, line: usize) -> Result<()> {
         let c = &self.camera;
         let malformed = |expected: String, found: String| DatasetError::Malformed {
@@ -260,7 +259,7 @@ impl CameraModel {
                 format!("{} x {}", c.width, c.height),
             ));
         }
-        // Whether a lens can be inverted depends on where the image ends: that is asked when the size is known.
+        // Whether a lens is invertible depends on the image size, so it is checked once that is known.
         let checked = if c.width > 0 {
             c.check()
         } else {
@@ -275,7 +274,7 @@ impl CameraModel {
         checked.map_err(|e| malformed(e.expected(), e.found()))
     }
 
-    /// Checks the camera once a data set has told the size of its images.
+    /// Checks the lens with the size of a data set's images.
     ///
     /// # Errors
     /// [`DatasetError::Camera`].
@@ -288,7 +287,7 @@ impl CameraModel {
     }
 }
 
-/// The five coefficients of a lens; none stand for zeros.
+/// The five coefficients of a lens; zeros if none are given.
 fn coefficients(given: Option<&[f64]>, text: &str, path: &Path) -> Result<[f64; 5]> {
     let given = given.unwrap_or(&[0.0; 5]);
     <[f64; 5]>::try_from(given).map_err(|_| {
@@ -322,7 +321,7 @@ fn unknown(path: &Path) -> DatasetError {
     }
 }
 
-/// The error of a data set folder that says nothing about its camera.
+/// Error: the camera of a data set folder is unknown.
 pub(crate) fn unknown_for_folder(path: &Path) -> DatasetError {
     DatasetError::UnknownCamera {
         path: path.to_owned(),

@@ -1,4 +1,4 @@
-//! A data set folder, opened: its frames, camera and ground truth, and what was guessed about them.
+//! A data set folder: frames, camera, ground truth, and guesses.
 
 use crate::associate::DEFAULT_MAX_DT;
 use crate::camera::{self, CameraChoice, CameraModel};
@@ -14,9 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use stillpoint_imaging::{ImuSample, OdometrySample};
 
-/// First words of messages about an inertial sensor.
+/// Prefix of messages about an inertial sensor.
 const INERTIAL: &str = "inertial sensor";
-/// First word of messages about odometry.
 const ODOMETRY: &str = "odometry";
 
 /// How to open a data set; the default guesses everything.
@@ -26,9 +25,9 @@ pub struct OpenOptions {
     pub camera: Option<CameraChoice>,
     /// The layout; `None` guesses it.
     pub layout: Option<Layout>,
-    /// One unreadable frame ends the stream instead of being skipped.
+    /// End the stream at an unreadable frame instead of skipping it.
     pub strict: bool,
-    /// Largest difference between the stamps of colour and depth, s.
+    /// Maximum difference between the stamps of colour and depth, s.
     pub max_dt: f64,
 }
 
@@ -43,7 +42,7 @@ impl Default for OpenOptions {
     }
 }
 
-/// One frame: a colour image and the depth image that belongs to it.
+/// A frame: a colour image and its depth image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     /// Stamp of the colour image, s.
@@ -56,7 +55,7 @@ pub struct Entry {
     pub depth: PathBuf,
 }
 
-/// How many images a data set lists and how many make frames.
+/// Numbers of listed images and of frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Colour images listed.
@@ -83,7 +82,7 @@ impl Counts {
     }
 }
 
-/// An opened data set. Opening reads the lists and looks at a few frames; frames are read by [`Dataset::frames`].
+/// An opened data set. Opening reads the lists and examines a few frames; [`Dataset::frames`] reads them.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     path: PathBuf,
@@ -95,11 +94,8 @@ pub struct Dataset {
     strict: bool,
     guesses: Vec<String>,
     warnings: Vec<String>,
-    /// Where the clock was set back.
     set_back: Vec<SetBack>,
-    /// What the inertial sensor measured.
     inertial: Arc<[ImuSample]>,
-    /// What the wheels did.
     odometry: Arc<[OdometrySample]>,
 }
 
@@ -107,7 +103,7 @@ impl Dataset {
     /// Opens a folder.
     ///
     /// # Errors
-    /// Any [`DatasetError`] that concerns reading: see its variants.
+    /// Any [`DatasetError`] about reading: see its variants.
     pub fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
         let names = list_folder(path)?;
         let folder_name = folder_name(path);
@@ -188,82 +184,81 @@ impl Dataset {
         &self.camera
     }
 
-    /// The frames' files in the order of time.
+    /// The frames' files in time order.
     #[must_use]
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
 
-    /// The same, to be kept.
     pub(crate) fn shared_entries(&self) -> Arc<[Entry]> {
         Arc::clone(&self.entries)
     }
 
-    /// What the inertial sensor measured, in order of time; nothing where there is none, or where the camera file does not know it.
+    /// The inertial samples in time order; empty without a sensor, or if the camera file lacks it.
     #[must_use]
     pub fn inertial(&self) -> &Arc<[ImuSample]> {
         &self.inertial
     }
 
-    /// From now on there is no inertial sensor.
+    /// Removes the inertial sensor.
     pub fn leave_out_inertial(&mut self) {
         self.inertial = Arc::default();
         self.camera.imu = None;
         self.guesses.retain(|g| !g.starts_with(INERTIAL));
     }
 
-    /// What the wheels did, in order of time; nothing where there is no odometry, or where the camera file does not say how the camera stands on the base.
+    /// The odometry samples in time order; empty without odometry, or if the camera file lacks the camera's pose on the base.
     #[must_use]
     pub fn odometry(&self) -> &Arc<[OdometrySample]> {
         &self.odometry
     }
 
-    /// From now on there is no odometry.
+    /// Removes the odometry.
     pub fn leave_out_odometry(&mut self) {
         self.odometry = Arc::default();
         self.camera.odometry = None;
         self.guesses.retain(|g| !g.starts_with(ODOMETRY));
     }
 
-    /// How many images are listed and how many make frames.
+    /// Numbers of listed images and of frames.
     #[must_use]
     pub fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// What was guessed and why, one sentence each, for the user to check.
+    /// Guesses with their reasons, one sentence each, for the user to check.
     #[must_use]
     pub fn guesses(&self) -> &[String] {
         &self.guesses
     }
 
-    /// What looks wrong but can be worked with, one sentence each.
+    /// Suspicious but usable properties, one sentence each.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// Where the clock was set back while the images were taken.
+    /// Where the clock was set back during the recording.
     #[must_use]
     pub fn set_back(&self) -> &[SetBack] {
         &self.set_back
     }
 
-    /// True when an unreadable frame ends the stream.
+    /// True if an unreadable frame ends the stream.
     #[must_use]
     pub(crate) fn is_strict(&self) -> bool {
         self.strict
     }
 
-    /// A source of the frames, decoded.
+    /// A source of the decoded frames.
     ///
     /// # Errors
-    /// [`DatasetError::NoFrames`] when `start` lies behind the last frame.
+    /// [`DatasetError::NoFrames`] for a `start` after the last frame.
     pub fn frames(&self, options: &FrameOptions) -> Result<DatasetSource> {
         DatasetSource::new(self, options)
     }
 
-    /// The ground truth as poses `world_from_camera` of the colour camera, if there is any.
+    /// Ground truth poses `world_from_camera` of the colour camera, if any.
     ///
     /// # Errors
     /// As [`crate::trajectory::read`].
@@ -271,7 +266,7 @@ impl Dataset {
         Ok(self.ground_truth_said()?.map(|(poses, _)| poses))
     }
 
-    /// The same, and in a sentence each what was found out about its file.
+    /// Like [`Self::ground_truth`], with remarks about its file, one sentence each.
     ///
     /// # Errors
     /// As [`crate::trajectory::read`].
@@ -297,7 +292,7 @@ fn list_folder(path: &Path) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// The last part of the path as given; when that says nothing (`.`, `..`), of the path it stands for.
+/// The last part of the given path; for `.` or `..`, of the resolved path.
 fn folder_name(path: &Path) -> String {
     path.file_name()
         .map(|n| n.to_string_lossy().into_owned())
@@ -317,7 +312,7 @@ fn guess_camera(path: &Path, folder_name: &str, layout: Layout) -> Result<(Camer
         }
     }
     let (preset, why) = match layout {
-        // Others name their images so, too; the folders are called seq-01 and so on in 7-Scenes.
+        // Others name their images in the same way; folders of 7-Scenes are called seq-01 and so on.
         Layout::SevenScenes if folder_name.to_lowercase().starts_with("seq-") => {
             ("seven_scenes", "the layout says so".to_owned())
         }

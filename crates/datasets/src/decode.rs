@@ -1,4 +1,4 @@
-//! Image files to images: colour to grey, depth to metres.
+//! Decodes image files: colour to grey, depth to metres.
 
 use crate::error::{DatasetError, Result};
 use crate::picture::{LARGEST_FILE, decode_image, image_format, image_size};
@@ -7,9 +7,7 @@ use image::{ColorType, DynamicImage, ImageFormat};
 use std::path::Path;
 use stillpoint_imaging::{ColourImage, DepthImage, GrayImage};
 
-/// What a colour image must be.
 const COLOUR_EXPECTED: &str = "a PNG, JPEG or WebP image";
-/// What a depth image must be.
 const DEPTH_EXPECTED: &str = "a 16-bit grey PNG with depth";
 
 fn bad(path: &Path, expected: &str, found: impl Into<String>, advice: &str) -> DatasetError {
@@ -21,14 +19,14 @@ fn bad(path: &Path, expected: &str, found: impl Into<String>, advice: &str) -> D
     }
 }
 
-/// Bytes and format of an image file that is there, not empty and of a kind that is read.
+/// Bytes and format of a non-empty image file of a supported format.
 fn load(path: &Path, expected: &str) -> Result<(Vec<u8>, ImageFormat)> {
     const AGAIN: &str = "copy or export the file again, or take it off the list";
     let bytes = read_regular(path, LARGEST_FILE).map_err(|source| match source.kind() {
         std::io::ErrorKind::NotFound => bad(path, expected, "no such file", AGAIN),
-        // What is there is known, and is no image.
+        // The error describes the object found: no regular file.
         std::io::ErrorKind::Other => bad(path, expected, source.to_string(), AGAIN),
-        // Nothing is known of the file itself: the system has no descriptor left, say.
+        // The error is not about the file: too many open files, for example.
         _ => DatasetError::Read {
             path: path.to_owned(),
             source,
@@ -48,7 +46,7 @@ fn load(path: &Path, expected: &str) -> Result<(Vec<u8>, ImageFormat)> {
     }
 }
 
-/// Names of formats that depth or colour come in, but that are not read here.
+/// Names of unsupported formats in which depth or colour are sometimes stored.
 fn other_format(bytes: &[u8]) -> Option<&'static str> {
     let known: [(&[u8], &str); 8] = [
         (b"\x76\x2f\x31\x01", "OpenEXR (float)"),
@@ -106,7 +104,7 @@ impl<'a> Picture<'a> {
         self.bad(found, advice)
     }
 
-    /// Width and height, px, by its head.
+    /// Width and height, px, from its header.
     pub(crate) fn size(&self) -> Result<(u32, u32)> {
         image_size(&self.bytes, self.format).map_err(|why| self.broken(&why))
     }
@@ -115,7 +113,6 @@ impl<'a> Picture<'a> {
         decode_image(&self.bytes, self.format).map_err(|why| self.broken(&why))
     }
 
-    /// As RGB.
     pub(crate) fn colour(&self) -> Result<ColourImage> {
         self.rgb(self.decode()?)
     }
@@ -127,7 +124,6 @@ impl<'a> Picture<'a> {
             .map_err(|e| self.bad(e.to_string(), "report this"))
     }
 
-    /// As grey.
     pub(crate) fn gray(&self) -> Result<GrayImage> {
         match self.decode()? {
             DynamicImage::ImageLuma8(gray) => {
@@ -139,7 +135,6 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// As metres.
     pub(crate) fn depth(&self, depth_scale: f64) -> Result<DepthImage> {
         let advice = "export depth as 16-bit PNG (TUM: 5000 per metre)";
         if self.format != ImageFormat::Png {
@@ -164,12 +159,12 @@ impl<'a> Picture<'a> {
 /// Reads an image (PNG, JPEG, WebP; 8 or 16 bits; grey or colour, transparency ignored) as RGB.
 ///
 /// # Errors
-/// [`DatasetError::Image`] for a file that is missing, empty, truncated or of another format.
+/// [`DatasetError::Image`] for a missing, empty or truncated file, or another format.
 pub fn read_colour(path: &Path) -> Result<ColourImage> {
     Picture::of_colour(path)?.colour()
 }
 
-/// Reads an image as [`read_colour`] does, as grey: 8-bit grey files as they are, others by [`ColourImage::to_gray`].
+/// Reads an image like [`read_colour`], as grey: 8-bit grey files unchanged, others by [`ColourImage::to_gray`].
 ///
 /// # Errors
 /// As [`read_colour`].
@@ -177,11 +172,11 @@ pub fn read_gray(path: &Path) -> Result<GrayImage> {
     Picture::of_colour(path)?.gray()
 }
 
-/// Reads a 16-bit grey PNG of `depth_scale` values per metre as metres. The values 0 and 65535 stand for no measurement
-/// (65535 is the mark of 7-Scenes, and saturation elsewhere).
+/// Reads a 16-bit grey PNG of `depth_scale` values per metre as metres. The values 0 and 65535 mean no measurement (65535 is the mark of
+/// 7-Scenes, and saturation elsewhere).
 ///
 /// # Errors
-/// [`DatasetError::Image`] for a file that is missing, empty, truncated, or no 16-bit grey PNG.
+/// [`DatasetError::Image`] for a missing, empty or truncated file, or any other format.
 pub fn read_depth(path: &Path, depth_scale: f64) -> Result<DepthImage> {
     Picture::of_depth(path)?.depth(depth_scale)
 }

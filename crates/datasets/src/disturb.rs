@@ -1,26 +1,24 @@
-//! What happens to a camera in somebody's hands: a covered lens, a jump of the exposure, a shake, sunlight on the depth sensor.
+//! Simulates disturbances of a camera: a covered lens, an exposure jump, blur, missing depth.
 //!
-//! Answers: what a stream would have shown if its lens had been covered, its exposure had jumped, its image had been blurred or
-//! its depth had failed for some of its frames.
-//! Stamps, ids and the order of frames stay as they are, and so does the ground truth.
+//! Modifies the images of some frames. Stamps, ids and the order of frames stay unchanged, and so does the ground truth.
 
 use crate::splice::AdaptorError;
 use std::ops::Range;
 use std::sync::Arc;
 use stillpoint_imaging::{ColourImage, DepthImage, FrameSource, GrayImage, RgbdFrame, SourceError};
 
-/// What is wrong with some frames.
+/// A disturbance of some frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Disturbance {
-    /// Images are zero everywhere, and so is depth.
+    /// Black images without depth.
     Black,
     /// A hand on the lens: dark images with a little noise (grey levels 2 to 6), no depth.
     Covered,
     /// Grey levels are multiplied by this, 0 or more, and clipped at 255; depth stays.
     Exposure(f64),
-    /// Images are white everywhere, as when the camera looks into a lamp; depth stays.
+    /// White images, as when looking into a lamp; depth stays.
     Saturated,
-    /// Each pixel is the mean of those up to so many px from it along both axes; depth stays.
+    /// Box blur with this radius, px; depth stays.
     Blurred(usize),
     /// No depth; images stay.
     NoDepth,
@@ -36,10 +34,10 @@ pub struct Disturbed<S> {
 }
 
 impl<S: FrameSource> Disturbed<S> {
-    /// Disturbs the frames whose ids are in a range (its end is not); where ranges overlap, in the order given.
+    /// Disturbs the frames with ids in the given ranges (end exclusive); overlapping ranges apply in order.
     ///
     /// # Errors
-    /// [`AdaptorError`] for a range without frames, or an exposure that is negative or not finite.
+    /// [`AdaptorError`] for an empty range, or an exposure that is negative or not finite.
     pub fn new(source: S, when: Vec<(Range<u32>, Disturbance)>) -> Result<Self, AdaptorError> {
         for (ids, what) in &when {
             if ids.is_empty() {
@@ -109,7 +107,6 @@ fn apply(what: Disturbance, frame: &mut RgbdFrame) {
     }
 }
 
-/// Gives every level of an image another one.
 fn map_levels(frame: &mut RgbdFrame, to: impl Fn(u8) -> u8) {
     let (w, h) = (frame.gray.width(), frame.gray.height());
     let table: Vec<u8> = (0..=255).map(to).collect();
@@ -134,9 +131,9 @@ fn blur(frame: &mut RgbdFrame, radius: usize) {
     }
 }
 
-/// The mean of the pixels around each, channel by channel, by sums over rectangles.
+/// Box filter per channel, by summed area tables.
 fn means(data: &[u8], [w, h]: [usize; 2], channels: usize, radius: usize) -> Vec<u8> {
-    // What is left of and above each corner of a pixel.
+    // Sums over everything left of and above each pixel corner.
     let stride = (w + 1) * channels;
     let mut sums = vec![0_u64; stride * (h + 1)];
     for y in 0..h {
@@ -162,12 +159,10 @@ fn means(data: &[u8], [w, h]: [usize; 2], channels: usize, radius: usize) -> Vec
     out
 }
 
-/// A colour image without light.
 pub(crate) fn black_colour(w: usize, h: usize) -> ColourImage {
     ColourImage::from_vec(w, h, vec![0; 3 * w * h]).unwrap_or_default()
 }
 
-/// A depth image without measurements.
 pub(crate) fn no_depth(w: usize, h: usize) -> DepthImage {
     DepthImage::from_vec(w, h, vec![0.0; w * h]).unwrap_or_default()
 }
@@ -176,7 +171,7 @@ fn colour_of(w: usize, h: usize, data: Vec<u8>) -> Arc<ColourImage> {
     Arc::new(ColourImage::from_vec(w, h, data).unwrap_or_default())
 }
 
-/// Grey level of a pixel behind a hand: 2 and four fair coins, by the finaliser of SplitMix64 (Steele, Lea and Flood, 2014).
+/// Grey level of a pixel behind a hand: 2 plus four random bits, by the finaliser of SplitMix64 (Steele, Lea and Flood, 2014).
 fn dark(id: u32, pixel: usize) -> u8 {
     let mut z = (u64::from(id) << 32 | pixel as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

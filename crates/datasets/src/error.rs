@@ -1,24 +1,23 @@
-//! What can be wrong with a data set, said so that the user can correct it.
+//! Errors of data sets.
 
 use std::path::{Path, PathBuf};
 
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, DatasetError>;
 
-/// A data set, camera or trajectory file cannot be used. Every message names the place, what was expected, what was
-/// found, and what to do.
+/// A data set, camera or trajectory file cannot be used. Every message states the location, the expectation, the finding, and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DatasetError {
-    /// The folder does not exist, or is no folder.
+    /// The folder does not exist, or is not a folder.
     #[error("{}: expected a data set folder, found {found}; check the path", path.display())]
     NoFolder {
-        /// The folder asked for.
+        /// The given path.
         path: PathBuf,
-        /// What is there instead.
+        /// Finding.
         found: &'static str,
     },
-    /// The folder is there and holds nothing.
+    /// The folder is empty.
     #[error("{}: expected a data set, found an empty folder; unpack the data set into it", path.display())]
     EmptyFolder {
         /// The folder.
@@ -29,100 +28,100 @@ pub enum DatasetError {
     NoDepth {
         /// The folder or list.
         path: PathBuf,
-        /// What the layout asks for.
+        /// Expectation.
         expected: String,
-        /// What is there.
+        /// Finding.
         found: String,
     },
-    /// None of the layouts fits.
+    /// The folder has no known layout.
     #[error("{}: expected rgb.txt and depth.txt or an associations file (TUM, Bonn), rgb/0.png and depth/0.png (ICL-NUIM, and others with a camera file), or frame-000000.color.png (7-Scenes); found {found}; {advice}", path.display())]
     UnknownLayout {
         /// The folder.
         path: PathBuf,
-        /// What it holds.
+        /// Its contents.
         found: String,
-        /// What to do.
+        /// Remedy.
         advice: String,
     },
-    /// Nothing tells the camera.
+    /// The camera is unknown.
     #[error("{}: expected a known camera, found {found}; name a preset ({choices}) or a camera file, or put a camera.toml or camera.txt (fx fy cx cy depth_scale) into the folder", path.display())]
     UnknownCamera {
-        /// The data set folder, or the camera file asked for.
+        /// The data set folder, or the given camera file.
         path: PathBuf,
-        /// What was looked at.
+        /// The places that were searched.
         found: String,
         /// The presets.
         choices: String,
     },
-    /// The lens cannot be that of images of this size.
+    /// The lens is not valid for this image size.
     #[error("{}: expected a camera with {}, found {name} with {}; correct the camera file, or name another camera", path.display(), reason.expected(), reason.found())]
     Camera {
         /// The data set folder.
         path: PathBuf,
         /// The camera's name.
         name: String,
-        /// What is wrong.
+        /// The reason.
         reason: stillpoint_geometry::CameraError,
     },
-    /// A line of a text file does not read.
+    /// A line of a text file cannot be parsed.
     #[error("{}:{line}: expected {expected}, found {found}; {advice}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
         /// Line, from 1.
         line: usize,
-        /// What the line should hold.
+        /// Expectation.
         expected: String,
-        /// What it holds.
+        /// Finding.
         found: String,
-        /// What to do.
+        /// Remedy.
         advice: String,
     },
-    /// A stamp is not later than the one before it.
+    /// A stamp is not later than the previous one.
     #[error("{}:{line}: expected a stamp after {previous:.6}, found {found:.6}, which {}", path.display(), behind(*previous, *found))]
     StampOrder {
         /// The file.
         path: PathBuf,
         /// Line, from 1.
         line: usize,
-        /// The stamp before, s.
+        /// The previous stamp, s.
         previous: f64,
         /// The stamp found, s.
         found: f64,
     },
-    /// A list holds nothing, or nothing fits together.
+    /// A list is empty, or no images can be associated.
     #[error("{}: expected {expected}, found {found}; {advice}", path.display())]
     NoFrames {
         /// The list or folder.
         path: PathBuf,
-        /// What was needed.
+        /// Expectation.
         expected: String,
-        /// What was there.
+        /// Finding.
         found: String,
-        /// What to do.
+        /// Remedy.
         advice: String,
     },
-    /// An image is missing, broken or of the wrong kind or size.
+    /// An image is missing, damaged, or of the wrong format or size.
     #[error("{}: expected {expected}, found {found}; {advice}", path.display())]
     Image {
         /// The image.
         path: PathBuf,
-        /// What was needed.
+        /// Expectation.
         expected: String,
-        /// What was there.
+        /// Finding.
         found: String,
-        /// What to do.
+        /// Remedy.
         advice: String,
     },
-    /// No depth image that was looked at holds a measurement.
+    /// None of the examined depth images has a measurement.
     #[error("{}: expected depth values, found {images} depth images that are zero everywhere; check the export of the depth images", path.display())]
     DepthEmpty {
         /// The first of them.
         path: PathBuf,
-        /// How many were looked at.
+        /// Their number.
         images: usize,
     },
-    /// Reading failed for a reason of the system.
+    /// The system could not read a file.
     #[error("{}: expected to read it, found: {source}; check that the file exists and may be read", path.display())]
     Read {
         /// The file.
@@ -130,7 +129,7 @@ pub enum DatasetError {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// Writing failed for a reason of the system.
+    /// The system could not write a file.
     #[error("{}: expected to write it, found: {source}; check the folder's permissions and the free space", path.display())]
     Write {
         /// The file.
@@ -138,18 +137,18 @@ pub enum DatasetError {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// Something is there that would be overwritten.
+    /// An existing file or folder would be overwritten.
     #[error("{}: expected a new or empty folder, found {found}; choose another folder or remove this one", path.display())]
     Occupied {
         /// The folder.
         path: PathBuf,
-        /// What it holds.
+        /// Its contents.
         found: String,
     },
 }
 
 impl DatasetError {
-    /// The file or folder that the error is about.
+    /// The file or folder of the error.
     #[must_use]
     pub fn path(&self) -> &Path {
         match self {
@@ -170,7 +169,7 @@ impl DatasetError {
         }
     }
 
-    /// The line, from 1, where the error is about one.
+    /// The line of the error, from 1, if any.
     #[must_use]
     pub fn line(&self) -> Option<usize> {
         match self {
@@ -180,7 +179,7 @@ impl DatasetError {
     }
 }
 
-/// How a stamp is behind the one before, and what to do.
+/// Relation of a stamp to the previous one, with advice.
 fn behind(previous: f64, found: f64) -> String {
     if found < previous {
         format!(
@@ -192,7 +191,7 @@ fn behind(previous: f64, found: f64) -> String {
     }
 }
 
-/// Text of a file as it may be quoted in a message: one line, not too long, no control characters.
+/// Quotes text from a file in one short line, without control characters.
 pub(crate) fn quote(text: &str) -> String {
     const LONGEST: usize = 60;
     let mut s: String = text

@@ -1,33 +1,31 @@
-//! What is wrong with a whole stream when a camera, its driver or its calibration was set up wrongly.
-//!
-//! Answers: what a stream would have been with another depth scale, with depth that was not registered to colour or was taken at another time than
-//! its stamps say, or with one of both images mirrored. For tests of what looks for such mistakes.
+//! Simulates setup faults of a camera, its driver or its calibration, for tests of their detection: a wrong depth scale, unregistered or
+//! delayed depth, mirrored images.
 
 use std::collections::VecDeque;
 use stillpoint_geometry::{Camera, Vec2, Vec3};
 use stillpoint_imaging::{DepthImage, FrameSource, RgbdFrame, SourceError};
 
-/// What is wrong.
+/// A fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
     /// Depths are multiplied by this.
     DepthScale(f64),
-    /// Depth is in the pixels of a camera of its own, which stands beside the colour camera and sees along the same direction.
+    /// Depth is in the pixels of a separate depth camera, parallel to the colour camera.
     Unregistered {
         /// The colour camera.
         colour: Camera,
         /// The depth camera, of the same size.
         depth: Camera,
-        /// Where the depth camera is, right of the colour camera, m.
+        /// Position of the depth camera to the right of the colour camera, m.
         baseline: f64,
     },
-    /// Depth images get stamps that are so much later, s, and are paired anew.
+    /// Depth stamps are later by this, s, and images are paired anew.
     DepthLate(f64),
-    /// Depth images are mirrored from left to right.
+    /// Depth images are mirrored horizontally.
     MirroredDepth,
 }
 
-/// Frames of which depth images are kept to be paired anew: 0.5 s at 30 Hz.
+/// Number of depth images kept for pairing: 0.5 s at 30 Hz.
 const KEPT: usize = 15;
 
 /// A stream with a fault.
@@ -35,14 +33,14 @@ const KEPT: usize = 15;
 pub struct Faulty<S> {
     source: S,
     fault: Fault,
-    /// Frames read, not yet given, and depth images with their stamps.
+    /// Pending frames, and depth images with their stamps.
     waiting: VecDeque<RgbdFrame>,
     depths: VecDeque<(f64, DepthImage)>,
     ended: bool,
 }
 
 impl<S: FrameSource> Faulty<S> {
-    /// The stream of a source with this fault.
+    /// Applies this fault to a source.
     pub fn new(source: S, fault: Fault) -> Self {
         Self {
             source,
@@ -53,7 +51,7 @@ impl<S: FrameSource> Faulty<S> {
         }
     }
 
-    /// The next frame with the depth image whose stamp is nearest when all are late.
+    /// The next frame with the depth image that is nearest after the delay.
     fn paired_anew(&mut self, late: f64) -> Option<Result<RgbdFrame, SourceError>> {
         while !self.ended && self.waiting.len() < KEPT {
             match self.source.next_frame() {
@@ -119,7 +117,7 @@ fn apply(fault: &Fault, frame: &mut RgbdFrame) {
     }
 }
 
-/// A registered depth image as its own camera saw it: each measurement covers the pixels around where it falls; the nearest is seen.
+/// A registered depth image as seen by its own camera: each measurement covers the pixels around its projection; the nearest wins.
 fn seen_from(registered: &DepthImage, colour: &Camera, depth: &Camera, baseline: f64) -> Vec<f32> {
     let (w, h) = (registered.width(), registered.height());
     let mut out = vec![0.0_f32; w * h];
@@ -155,7 +153,7 @@ mod tests {
     use super::*;
     use stillpoint_imaging::{FrameId, GrayImage};
 
-    /// Frames at 10 Hz whose depth is their number and one, in a patch at the left.
+    /// Frames at 10 Hz whose depth is their number plus one, in a patch at the left.
     struct Numbered(u32);
 
     impl FrameSource for Numbered {

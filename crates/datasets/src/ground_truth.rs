@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use stillpoint_geometry::nalgebra::Matrix4;
 use stillpoint_geometry::{Mat3, Se3, Vec3};
 
-/// The file that holds a folder's ground truth; for 7-Scenes, which has one file per frame, the folder itself.
+/// The ground truth file of a folder; for 7-Scenes, which has a file per frame, the folder itself.
 pub(crate) fn find(folder: &Path, layout: Layout) -> Result<Option<PathBuf>> {
     let names = names_in(folder)?;
     Ok(match layout {
@@ -28,10 +28,10 @@ pub(crate) fn find(folder: &Path, layout: Layout) -> Result<Option<PathBuf>> {
     })
 }
 
-/// Ground truth with what was found out about its file.
+/// Ground truth with remarks about its file.
 type Said = (Vec<StampedPose>, Vec<String>);
 
-/// Reads the ground truth of a folder, in order of time.
+/// Reads the ground truth of a folder, in time order.
 pub(crate) fn read(folder: &Path, layout: Layout) -> Result<Option<Said>> {
     let Some(path) = find(folder, layout)? else {
         return Ok(None);
@@ -47,7 +47,7 @@ pub(crate) fn read(folder: &Path, layout: Layout) -> Result<Option<Said>> {
             }
         }
         Layout::IclNuim => {
-            // Frame numbers, as the data set has them, unless somebody wrote seconds.
+            // Frame numbers, as in the data set, unless the file was converted to seconds.
             let numbered = poses.iter().all(|p| p.stamp.fract() == 0.0);
             let rate = if numbered { NUMBERED_RATE } else { 1.0 };
             for p in &mut poses {
@@ -60,7 +60,7 @@ pub(crate) fn read(folder: &Path, layout: Layout) -> Result<Option<Said>> {
     Ok(Some((poses, said)))
 }
 
-/// The rotation next to a 3x3 matrix that is nearly one up to a positive scale; `None` when it is far from that.
+/// The rotation nearest to a 3x3 matrix that is a rotation up to scale; `None` for others.
 fn nearest_rotation(m: &Mat3) -> Option<Mat3> {
     let svd = m.svd(true, true);
     let (u, v_t) = (svd.u?, svd.v_t?);
@@ -70,8 +70,8 @@ fn nearest_rotation(m: &Mat3) -> Option<Mat3> {
         .then_some(r)
 }
 
-/// The Bonn data set tracks a marker: `T = T_ros T_gt T_ros T_m` (the script published with the data set). `T_m` carries
-/// a uniform scale of 1.0593, which a rigid pose cannot hold: its rotation is used.
+/// Converts a marker pose of the Bonn data set: `T = T_ros T_gt T_ros T_m` (the script published with the data set). `T_m` has a uniform
+/// scale of 1.0593, which a rigid pose cannot represent: only its rotation is used.
 fn bonn_camera_from_marker_pose(gt: &Se3) -> Se3 {
     let ros = Matrix4::new(
         -1.0, 0.0, 0.0, 0.0, //
@@ -87,7 +87,7 @@ fn bonn_camera_from_marker_pose(gt: &Se3) -> Se3 {
     );
     let t = ros * gt.to_matrix() * ros * marker;
     let linear: Mat3 = t.fixed_view::<3, 3>(0, 0).into();
-    // The constant above is a rotation up to scale and so are the other factors; a test holds that.
+    // All factors are rotations up to scale; a test checks this.
     let rotation = nearest_rotation(&linear).unwrap_or_else(Mat3::identity);
     Se3::from_matrix(&rotation, Vec3::new(t[(0, 3)], t[(1, 3)], t[(2, 3)]))
 }
@@ -96,7 +96,7 @@ fn bonn_camera_from_marker_pose(gt: &Se3) -> Se3 {
 fn mirror_y(pose: &Se3) -> Se3 {
     let q = pose.rotation;
     let t = pose.translation;
-    // Conjugation by a reflection of y keeps w and the y axis' part and turns the other two around.
+    // Conjugation by a reflection of y keeps w and the y component, and negates the other two.
     Se3::new(
         stillpoint_geometry::nalgebra::UnitQuaternion::new_normalize(
             stillpoint_geometry::nalgebra::Quaternion::new(q.w, -q.i, q.j, -q.k),
@@ -105,8 +105,7 @@ fn mirror_y(pose: &Se3) -> Se3 {
     )
 }
 
-/// One 4x4 `world_from_camera` per `frame-NNNNNN.pose.txt`. Frames whose matrix is not finite (tracking was lost, as the
-/// data set says) are left out.
+/// One 4x4 `world_from_camera` per `frame-NNNNNN.pose.txt`. Frames with a non-finite matrix, which marks lost tracking, are left out.
 fn read_seven_scenes(folder: &Path) -> Result<Vec<StampedPose>> {
     let mut numbered: Vec<(u32, PathBuf)> = names_in(folder)?
         .iter()
@@ -125,7 +124,7 @@ fn read_seven_scenes(folder: &Path) -> Result<Vec<StampedPose>> {
     Ok(poses)
 }
 
-/// A 4x4 pose matrix, row by row; `None` when it says that there is no pose.
+/// A 4x4 pose matrix, row by row; `None` for the mark of a missing pose.
 fn parse_matrix(text: &str, path: &Path) -> Result<Option<Se3>> {
     const EXPECTED: &str = "4 rows of 4 numbers: a world_from_camera matrix";
     let malformed = |line: usize, found: String| DatasetError::Malformed {
@@ -195,7 +194,7 @@ mod tests {
         assert!((ca.inverse() * cb).rotation.angle() < 1e-7);
         let r = ca.rotation_matrix();
         assert!((r * r.transpose() - Mat3::identity()).norm() < 1e-12);
-        // The marker's matrix is a rotation up to its scale of 1.0593, to the digits published.
+        // The marker's matrix is a rotation up to its scale of 1.0593, to the published precision.
         let at_identity = bonn_camera_from_marker_pose(&Se3::identity()).rotation_matrix() * 1.0593;
         assert!((at_identity[(0, 0)] - 1.0157).abs() < 2e-3);
         assert!((at_identity[(2, 1)] - 0.6147).abs() < 2e-3);

@@ -1,6 +1,5 @@
-//! Inertial sensors of data sets: `imu.csv`, and the `[imu]` table of a camera file.
-//!
-//! The crate's documentation describes both. The TUM data sets' own `accelerometer.txt` is not read: it holds no angular rates.
+//! Inertial sensors of data sets: `imu.csv`, and the `[imu]` table of a camera file, described in the crate's documentation. The TUM data
+//! sets' `accelerometer.txt` is not read, since it has no angular rates.
 
 use crate::error::Result;
 use crate::lists::{Line, parse_numbers};
@@ -12,20 +11,20 @@ use std::sync::Arc;
 use stillpoint_geometry::ImuModel;
 use stillpoint_imaging::ImuSample;
 
-/// The file of samples in a data set folder.
+/// File name in a data set folder.
 pub(crate) const FILE: &str = "imu.csv";
 const HEADER: &str =
     "# timestamp (s), angular rate x, y, z (rad/s), specific force x, y, z (m/s^2)\n";
 const EXPECTED: &str =
     "7 numbers: timestamp, angular rate x y z (rad/s), specific force x y z (m/s^2)";
 
-/// The `[imu]` table of a camera file. What is left out is that of a BMI055 at the camera's own place and axes.
+/// The `[imu]` table of a camera file. Defaults are those of a BMI055 at the camera's own position and axes.
 #[derive(Debug, Default, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ImuTable {
-    /// Quaternion `[x, y, z, w]` that turns the sensor's axes to the camera's.
+    /// Rotation from the sensor's axes to the camera's, quaternion `[x, y, z, w]`.
     rotation: Option<[f64; 4]>,
-    /// Where the sensor is in the camera's axes, m.
+    /// Position of the sensor in the camera's axes, m.
     translation: Option<[f64; 3]>,
     time_offset: Option<f64>,
     gyro_noise: Option<f64>,
@@ -37,7 +36,7 @@ pub(crate) struct ImuTable {
 }
 
 impl ImuTable {
-    /// The sensor; else what was expected and what was found.
+    /// The sensor model, or expectation and finding.
     pub(crate) fn model(&self) -> std::result::Result<ImuModel, TableError> {
         let usual = ImuModel::bmi055();
         let rotation = self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
@@ -57,7 +56,6 @@ impl ImuTable {
     }
 }
 
-/// The table of a sensor.
 pub(crate) fn to_toml(m: &ImuModel) -> String {
     format!(
         "\n[imu] # rotation and translation (m) bring the sensor's coordinates to those of the camera; noise in SI units\n{}gyro_noise = {:?}\ngyro_bias = {:?}\ngyro_walk = {:?}\naccel_noise = {:?}\naccel_bias = {:?}\naccel_walk = {:?}\n",
@@ -71,7 +69,7 @@ pub(crate) fn to_toml(m: &ImuModel) -> String {
     )
 }
 
-/// The samples of a folder, in order of time; none where it has no such file. Where nothing tells how the sensor is mounted they are left out, which is said.
+/// The samples of a folder in time order; `None` without the file. Without a known mounting they are ignored, with a warning.
 pub(crate) fn read(
     folder: &Path,
     model: Option<&ImuModel>,
@@ -91,12 +89,11 @@ fn sample(line: &Line<'_>, path: &Path, unit: Unit) -> Result<ImuSample> {
     })
 }
 
-/// The text of the file.
 pub(crate) fn to_text(samples: &[ImuSample]) -> String {
     let mut text = HEADER.to_owned();
     for s in samples {
         let ([x, y, z], [u, v, w]) = (s.angular_rate, s.specific_force);
-        // Microseconds for the stamp, as images have; nine digits are more than any sensor has.
+        // Microseconds for the stamp, as for images; nine digits exceed any sensor's precision.
         let _ = writeln!(
             text,
             "{:.6},{x:.9},{y:.9},{z:.9},{u:.9},{v:.9},{w:.9}",

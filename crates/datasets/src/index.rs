@@ -1,4 +1,4 @@
-//! The frames of a folder: which images belong together, and when they were taken.
+//! The frames of a folder: associated images with their stamps.
 
 use crate::associate::associate;
 use crate::dataset::{Counts, Entry};
@@ -9,10 +9,10 @@ use crate::lists::{
 };
 use std::path::{Path, PathBuf};
 
-/// Rate of data sets that number their frames, Hz: 7-Scenes was recorded with a Kinect at this rate, and ICL-NUIM is rendered at it.
+/// Rate of data sets with frame numbers, Hz: 7-Scenes was recorded with a Kinect at this rate, and ICL-NUIM is rendered at it.
 pub(crate) const NUMBERED_RATE: f64 = 30.0;
 
-/// The frames of a folder in the order of time, and the counts of what was left over. What lists say beside that goes to `said`.
+/// The frames of a folder in time order, and the numbers of unmatched images. Remarks go to `said`.
 pub(crate) fn index(
     folder: &Path,
     names: &[String],
@@ -116,7 +116,7 @@ fn index_lists(
     ))
 }
 
-/// Pairs as the file states them; ICL-NUIM states frame numbers instead of seconds.
+/// Pairs from an association file; ICL-NUIM has frame numbers instead of seconds.
 fn index_associations(
     path: &Path,
     layout: Layout,
@@ -140,7 +140,7 @@ fn index_associations(
     let written = colour.stamps.clone();
     let mended = colour.in_order(path, &[], said);
     said.set_back.extend(&mended.set_back);
-    // Depth follows the colour image in whose line it is.
+    // Depth follows the colour image in the same line.
     let lines = mended.stamps.iter().zip(&colour.files);
     let entries: Vec<Entry> = lines
         .filter(|((_, i), _)| (written[*i] - depth.stamps[*i]).abs() / rate < max_dt)
@@ -163,7 +163,7 @@ fn index_associations(
     Ok((entries, Counts::new(total, total, n)))
 }
 
-/// Files `0.png`, `1.png`, ... by number.
+/// Files named by number, such as `0.png`, in numeric order.
 pub(crate) fn numbered(folder: &Path) -> Result<Vec<(u32, PathBuf)>> {
     let mut files: Vec<(u32, PathBuf)> = names_in(folder)?
         .iter()
@@ -177,7 +177,7 @@ pub(crate) fn numbered(folder: &Path) -> Result<Vec<(u32, PathBuf)>> {
     Ok(files)
 }
 
-/// Pairs by number, at the rate of data sets that number their frames.
+/// Pairs by number, at the rate of data sets with frame numbers.
 fn pair_numbered(
     folder: &Path,
     colour: Vec<(u32, PathBuf)>,
@@ -229,7 +229,7 @@ fn index_numbered(folder: &Path) -> Result<(Vec<Entry>, Counts)> {
 }
 
 fn index_seven_scenes(folder: &Path, names: &[String]) -> Result<(Vec<Entry>, Counts)> {
-    // The names are sorted and padded with zeros, but a number of seven digits must not come before one of six.
+    // The sorted names are zero-padded, but a number of seven digits must not come before one of six.
     let collect = |ending: &str| {
         let mut files: Vec<(u32, PathBuf)> = names
             .iter()

@@ -1,11 +1,11 @@
-//! How a folder is organised: which files are the frames.
+//! Recognises the layout of a data set folder.
 
 use crate::error::{DatasetError, Result};
 use crate::index::numbered;
 use crate::lists::{parse_associations, read_text};
 use std::path::Path;
 
-/// The layouts that are understood.
+/// The supported layouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
     /// TUM RGB-D: `rgb.txt` and `depth.txt`, or an associations file.
@@ -49,7 +49,7 @@ impl std::str::FromStr for Layout {
     }
 }
 
-/// Names that association files go by.
+/// Common names of association files.
 const ASSOCIATION_NAMES: [&str; 5] = [
     "associations.txt",
     "associate.txt",
@@ -58,7 +58,6 @@ const ASSOCIATION_NAMES: [&str; 5] = [
     "assoc.txt",
 ];
 
-/// The names in a folder, sorted.
 pub(crate) fn names_in(folder: &Path) -> Result<Vec<String>> {
     let read = |source| DatasetError::Read {
         path: folder.to_owned(),
@@ -82,7 +81,7 @@ pub(crate) fn has(names: &[String], name: &str) -> bool {
     names.iter().any(|n| n == name)
 }
 
-/// Both lists of the TUM layout.
+/// Whether both lists of the TUM layout exist.
 pub(crate) fn has_lists(names: &[String]) -> bool {
     has(names, "rgb.txt") && has(names, "depth.txt")
 }
@@ -91,7 +90,7 @@ pub(crate) fn association_file(names: &[String]) -> Option<&'static str> {
     ASSOCIATION_NAMES.into_iter().find(|n| has(names, n))
 }
 
-/// Ground truth as ICL-NUIM names it: `livingRoom0.gt.freiburg`, `traj0.gt.freiburg`.
+/// ICL-NUIM's ground truth file: `livingRoom0.gt.freiburg`, `traj0.gt.freiburg`.
 pub(crate) fn icl_ground_truth(names: &[String]) -> Option<&str> {
     names
         .iter()
@@ -99,7 +98,7 @@ pub(crate) fn icl_ground_truth(names: &[String]) -> Option<&str> {
         .find(|n| n.ends_with(".gt.freiburg"))
 }
 
-/// The layout of a folder and why it was taken for that; `looks_like_bonn` comes from the folder's name.
+/// The layout of a folder with the reason; `looks_like_bonn` comes from the folder's name.
 pub(crate) fn guess(
     folder: &Path,
     names: &[String],
@@ -129,7 +128,7 @@ pub(crate) fn guess(
     } else if has(names, "rgb.txt") {
         "rgb.txt"
     } else if numbered(&folder.join("rgb")).is_ok_and(|l| l.first().is_some_and(|f| f.0 < 2)) {
-        // Half of the world names its images so: that tells nothing of the camera.
+        // This naming is too common to imply a camera.
         return Ok((Layout::Numbered, "images rgb/0.png, rgb/1.png, ...".into()));
     } else {
         return Err(unknown(folder, names));
@@ -152,7 +151,7 @@ pub(crate) fn unknown(folder: &Path, names: &[String]) -> DatasetError {
     if names.len() > SHOWN {
         found += &format!(", ... ({} names)", names.len());
     }
-    // A folder above the right one is the usual mistake.
+    // Giving the parent folder is the usual mistake.
     let below = names.iter().find(|n| {
         let inner = names_in(&folder.join(n)).unwrap_or_default();
         !inner.is_empty() && guess_is_possible(&inner)

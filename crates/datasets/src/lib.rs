@@ -1,8 +1,7 @@
-//! RGB-D data sets, stamp association, and files that other programs read.
+//! RGB-D data sets, stamp association, and files for other programs.
 //!
-//! Answers: which frames a folder holds, with which camera they were taken, what their pixels are, and what the ground
-//! truth says in this project's conventions. Also writes data sets, trajectories, point clouds and pose graphs. Does not
-//! judge trajectories (crate `evaluation`) and does not know what is done with the frames.
+//! Finds the frames and the camera of a folder, decodes its images, and converts ground truth to this project's conventions. Also writes
+//! data sets, trajectories, point clouds and pose graphs. Trajectories are evaluated in the crate `evaluation`.
 //!
 //! # Layouts
 //! | layout | recognised by | stamps | ground truth |
@@ -14,9 +13,9 @@
 //! | 7-Scenes | `frame-000000.color.png`, `.depth.png`, `.pose.txt` | number / 30 Hz | one matrix per frame |
 //!
 //! # Camera files
-//! The camera is the one asked for, else `camera.toml` or `camera.txt` in the folder, else that of the layout (ICL-NUIM;
-//! 7-Scenes in a folder `seq-NN`), else a preset when the folder's name contains `freiburg1` or `fr1`, `freiburg2` or `fr2`, `freiburg3` or `fr3`, or
-//! `bonn`. A `camera.txt` holds one line `fx fy cx cy depth_scale` and comments that start with `#`. A `camera.toml`:
+//! The camera is the given one, else `camera.toml` or `camera.txt` in the folder, else that of the layout (ICL-NUIM; 7-Scenes in a folder
+//! `seq-NN`), else a preset if the folder's name contains `freiburg1` or `fr1`, `freiburg2` or `fr2`, `freiburg3` or `fr3`, or `bonn`. A
+//! `camera.txt` holds one line `fx fy cx cy depth_scale` and comments that start with `#`. A `camera.toml`:
 //!
 //! ```toml
 //! name = "my camera"          # optional

@@ -1,4 +1,4 @@
-//! The text files of data sets: lists of stamped images and association files.
+//! Text files of data sets: lists of stamped images, and association files.
 
 use crate::error::{DatasetError, Result, quote};
 use crate::regular::read_regular;
@@ -6,16 +6,14 @@ use crate::set_back::{Mended, SetBack, mend};
 use crate::units::{BETWEEN_IMAGES, Unit};
 use std::path::{Path, PathBuf};
 
-/// A line that holds data.
 pub(crate) struct Line<'a> {
-    /// From 1.
     pub(crate) number: usize,
     /// Without surrounding blanks.
     pub(crate) text: &'a str,
 }
 
 impl<'a> Line<'a> {
-    /// The columns, which blanks or commas separate.
+    /// The columns, separated by blanks or commas.
     pub(crate) fn columns(&self) -> impl Iterator<Item = &'a str> + use<'a> {
         self.text
             .split(|c: char| c.is_whitespace() || c == ',')
@@ -46,16 +44,16 @@ pub(crate) fn data_lines(text: &str) -> impl Iterator<Item = Line<'_>> {
         .filter(|l| !l.text.is_empty() && !l.text.starts_with('#'))
 }
 
-/// Bytes of a text file at most: ground truth of a day at 100 Hz has some 600 MB.
+/// Maximum size of a text file, bytes: ground truth of a day at 100 Hz has some 600 MB.
 const LONGEST_TEXT: u64 = 1 << 30;
 
-/// A text file; bytes that are no UTF-8 become replacement characters, which the parsers then report with their line.
+/// Reads a text file; invalid UTF-8 becomes replacement characters, which the parsers then report with their line.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     let bytes = read_regular(path, LONGEST_TEXT).map_err(|source| DatasetError::Read {
         path: path.to_owned(),
         source,
     })?;
-    // What is UTF-8 already is not copied.
+    // Valid UTF-8 is not copied.
     Ok(String::from_utf8(bytes)
         .unwrap_or_else(|e| String::from_utf8_lossy(e.as_bytes()).into_owned()))
 }
@@ -85,7 +83,7 @@ pub(crate) fn parse_numbers<const N: usize>(
     parse_first_numbers(line, path, expected)
 }
 
-/// The first N numbers of a line that holds at least as many columns; all N are finite.
+/// The first N numbers of a line with at least as many columns; all must be finite.
 pub(crate) fn parse_first_numbers<const N: usize>(
     line: &Line<'_>,
     path: &Path,
@@ -103,16 +101,15 @@ pub(crate) fn parse_first_numbers<const N: usize>(
     Ok(numbers)
 }
 
-/// A list of images with their stamps, s, ascending, and their paths relative to the folder of the list.
+/// A list of images with ascending stamps, s, and paths relative to the list's folder.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct ImageList {
     pub(crate) stamps: Vec<f64>,
     pub(crate) files: Vec<PathBuf>,
-    /// The number of the line of each, from 1.
     lines: Vec<usize>,
 }
 
-/// What is said of lists: how they were read, what looks wrong, and where the clock was set back.
+/// Remarks about lists: guesses, warnings, and where the clock was set back.
 #[derive(Debug, Default)]
 pub(crate) struct Said {
     pub(crate) guesses: Vec<String>,
@@ -127,15 +124,14 @@ impl ImageList {
         self.lines.push(line.number);
     }
 
-    /// Brings the stamps to seconds.
     pub(crate) fn bring_to_seconds(&mut self, path: &Path, said: &mut Said) {
         let unit = Unit::of(&self.stamps, BETWEEN_IMAGES);
         self.stamps.iter_mut().for_each(|t| *t /= unit.per_second());
         said.guesses.extend(unit.remark(path));
     }
 
-    /// Brings the lines into an order in which they can be played, and says what was out of order. `like` is where the clock was set back by another list. Gives the
-    /// lines' places in the file.
+    /// Sorts the lines into a playable order, with warnings. `like` are the places where another list found the clock set back. Returns the
+    /// lines' positions in the file.
     pub(crate) fn in_order(&mut self, path: &Path, like: &[SetBack], said: &mut Said) -> Mended {
         let mended = mend(&self.stamps, |_| None, like);
         let path = path.display();
@@ -166,12 +162,12 @@ impl ImageList {
     }
 }
 
-/// Parses `rgb.txt` or `depth.txt`: `timestamp filename` per line, in the order of the lines.
+/// Parses `rgb.txt` or `depth.txt`: `timestamp filename` per line, in file order.
 pub(crate) fn parse_image_list(text: &str, path: &Path) -> Result<ImageList> {
     const EXPECTED: &str = "a timestamp and a file name";
     let mut list = ImageList::default();
     for line in data_lines(text) {
-        // Everything behind the stamp is the name, which may hold blanks.
+        // The name is everything after the stamp, and may contain blanks.
         let Some((stamp, file)) = line
             .text
             .split_once(|c: char| c.is_whitespace() || c == ',')
@@ -184,25 +180,25 @@ pub(crate) fn parse_image_list(text: &str, path: &Path) -> Result<ImageList> {
     Ok(list)
 }
 
-/// An association file, with the stamps of both sides in s (or as frame numbers, for ICL-NUIM).
+/// An association file, with the stamps of both sides in s (or frame numbers, for ICL-NUIM).
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Associations {
     pub(crate) colour: ImageList,
     pub(crate) depth: ImageList,
-    /// The file lists depth before colour, as ICL-NUIM does.
+    /// Whether it lists depth before colour, as ICL-NUIM does.
     pub(crate) depth_first: bool,
 }
 
 impl Associations {
-    /// Whether all stamps are whole numbers: frame numbers, not seconds.
+    /// Whether all stamps are integers: frame numbers, not seconds.
     pub(crate) fn is_numbered(&self) -> bool {
         let whole = |l: &ImageList| l.stamps.iter().all(|t| t.fract() == 0.0);
         whole(&self.colour) && whole(&self.depth)
     }
 }
 
-/// Parses an association file: `timestamp file timestamp file` per line. The names say which side is depth; where
-/// they do not, colour comes first, as in the TUM tools.
+/// Parses an association file: `timestamp file timestamp file` per line. The names identify depth; otherwise colour comes first, as in the
+/// TUM tools.
 pub(crate) fn parse_associations(text: &str, path: &Path) -> Result<Associations> {
     const EXPECTED: &str = "timestamp, file, timestamp, file";
     let mut a = Associations::default();
@@ -266,7 +262,7 @@ mod tests {
         }
     }
 
-    /// The list as it is played, and what is said of it.
+    /// The list in its playable order, with remarks.
     fn settled(lines: &[(&str, &str)]) -> (ImageList, Said) {
         let text: String = lines.iter().map(|(t, f)| format!("{t} {f}\n")).collect();
         let path = Path::new("rgb.txt");

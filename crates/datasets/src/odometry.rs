@@ -1,6 +1,4 @@
-//! Odometry of data sets: `odometry.csv`, and the `[odometry]` table of a camera file.
-//!
-//! The crate's documentation describes both.
+//! Odometry of data sets: `odometry.csv`, and the `[odometry]` table of a camera file, described in the crate's documentation.
 
 use crate::error::Result;
 use crate::lists::{Line, parse_numbers};
@@ -12,20 +10,20 @@ use std::sync::Arc;
 use stillpoint_geometry::OdometryModel;
 use stillpoint_imaging::OdometrySample;
 
-/// The file of samples in a data set folder.
+/// File name in a data set folder.
 pub(crate) const FILE: &str = "odometry.csv";
 const HEADER: &str = "# timestamp (s), place x, y, z (m), orientation x, y, z, w, sigma of place (m), of direction (rad)\n";
 const EXPECTED: &str = "8 numbers: timestamp, place x y z (m), orientation x y z w; or 10, with standard deviations of place (m) and direction (rad)";
-/// What a table must say.
+/// Required contents of a table, for messages.
 const MOUNT: &str = "base_from_camera: rotation = [x, y, z, w], which turns the camera's axes to the base's, and translation = [x, y, z], the camera on the base in m";
 
-/// The `[odometry]` table of a camera file. How the camera stands on the base must be said; noise that is left out is that of an indoor robot.
+/// The `[odometry]` table of a camera file. The camera's pose on the base is required; the default noise is that of an indoor robot.
 #[derive(Debug, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct OdometryTable {
-    /// Quaternion `[x, y, z, w]` that turns the camera's axes to the base's.
+    /// Rotation from the camera's axes to the base's, quaternion `[x, y, z, w]`.
     rotation: Option<[f64; 4]>,
-    /// Where the camera is in the base's axes, m.
+    /// Position of the camera in the base's axes, m.
     translation: Option<[f64; 3]>,
     time_offset: Option<f64>,
     slip_per_metre: Option<f64>,
@@ -34,7 +32,7 @@ pub(crate) struct OdometryTable {
 }
 
 impl OdometryTable {
-    /// The odometry; else what was expected and what was found.
+    /// The odometry model, or expectation and finding.
     pub(crate) fn model(&self) -> std::result::Result<OdometryModel, TableError> {
         let missing = |what: &str| (format!("[odometry] with {MOUNT}"), format!("no {what}"));
         let rotation = self.rotation.ok_or_else(|| missing("rotation"))?;
@@ -52,7 +50,6 @@ impl OdometryTable {
     }
 }
 
-/// The table of an odometry.
 pub(crate) fn to_toml(m: &OdometryModel) -> String {
     format!(
         "\n[odometry] # rotation and translation (m) bring the camera's coordinates to those of the base\n{}slip_per_metre = {:?} # m/m\nslip_per_radian = {:?} # rad/rad\nturn_per_metre = {:?} # rad/m\n",
@@ -63,7 +60,7 @@ pub(crate) fn to_toml(m: &OdometryModel) -> String {
     )
 }
 
-/// The samples of a folder, in order of time; none where it has no such file. Where nothing tells how the camera stands on the base they are left out, which is said.
+/// The samples of a folder in time order; `None` without the file. Without the camera's pose on the base they are ignored, with a warning.
 pub(crate) fn read(
     folder: &Path,
     model: Option<&OdometryModel>,
@@ -106,12 +103,11 @@ fn sample(line: &Line<'_>, path: &Path, unit: Unit) -> Result<OdometrySample> {
     Ok(sample)
 }
 
-/// The text of the file.
 pub(crate) fn to_text(samples: &[OdometrySample]) -> String {
     let mut text = HEADER.to_owned();
     for s in samples {
         let ([x, y, z], [i, j, k, w]) = (s.position, s.orientation);
-        // Microseconds for the stamp, as images have; micrometres are less than any encoder tells.
+        // Microseconds for the stamp, as for images; micrometres are finer than any encoder.
         let _ = write!(
             text,
             "{:.6},{x:.6},{y:.6},{z:.6},{i:.9},{j:.9},{k:.9},{w:.9}",

@@ -1,18 +1,18 @@
-//! Bytes of an image to its pixels, for files and messages alike. Nothing in them is trusted: sizes are looked at before anything is allocated, what is not needed
-//! is not unpacked, and an image that was cut off is none.
+//! Decodes images from files and messages. The bytes are untrusted: sizes are checked before any allocation, unneeded parts are not
+//! decompressed, and truncated images are rejected.
 
 use image::{DynamicImage, ImageFormat, ImageReader};
 use std::borrow::Cow;
 use std::io::Cursor;
 
-/// Pixels of an image at most, as many as a video of 8K has: with all that is made of it on the way it takes some hundred megabytes.
+/// Maximum number of pixels of an image, that of 8K video: with intermediate data it takes some hundred megabytes.
 pub const MOST_PIXELS: u64 = 1 << 25;
-/// Pixels of a row or column at most: four times those of 8K.
+/// Maximum number of pixels of a row or column: four times those of 8K.
 const LONGEST_SIDE: u32 = 1 << 15;
-/// Bytes of an image file at most: of as many pixels of noise, eight bytes each, as 16-bit RGBA has.
+/// Maximum size of an image file, bytes: that many noisy pixels of eight bytes each, as in 16-bit RGBA.
 pub(crate) const LARGEST_FILE: u64 = 1 << 28;
 
-/// The format of an image, where it is one that is read: PNG, JPEG or WebP.
+/// The format of an image, if supported: PNG, JPEG or WebP.
 #[must_use]
 pub fn image_format(bytes: &[u8]) -> Option<ImageFormat> {
     let format = image::guess_format(bytes).ok()?;
@@ -20,10 +20,10 @@ pub fn image_format(bytes: &[u8]) -> Option<ImageFormat> {
     read.contains(&format).then_some(format)
 }
 
-/// Width and height, px, from the head of an image.
+/// Width and height, px, from the header of an image.
 ///
 /// # Errors
-/// What is wrong with it: its head, or a size beyond [`MOST_PIXELS`].
+/// An invalid header, or a size beyond [`MOST_PIXELS`].
 pub fn image_size(bytes: &[u8], format: ImageFormat) -> Result<(u32, u32), String> {
     size_of(&needed(bytes, format), format)
 }
@@ -40,10 +40,10 @@ fn size_of(bytes: &[u8], format: ImageFormat) -> Result<(u32, u32), String> {
     Ok((width, height))
 }
 
-/// Decodes an image that is whole.
+/// Decodes a complete image.
 ///
 /// # Errors
-/// What is wrong with it.
+/// A description of the problem.
 pub fn decode_image(bytes: &[u8], format: ImageFormat) -> Result<DynamicImage, String> {
     let bytes = needed(bytes, format);
     size_of(&bytes, format)?;
@@ -57,26 +57,26 @@ pub fn decode_image(bytes: &[u8], format: ImageFormat) -> Result<DynamicImage, S
     reader.decode().map_err(|e| e.to_string())
 }
 
-/// Whether the end marker of a JPEG follows its last scan. The decoder fills what is missing of a truncated file with grey
-/// and reports nothing; within a scan neither marker can occur, so this tells a truncated file for sure.
+/// Whether the end marker of a JPEG follows its last scan. The decoder fills a truncated file with grey and reports nothing; as neither
+/// marker can occur within a scan, this detects truncation reliably.
 fn jpeg_is_whole(bytes: &[u8]) -> bool {
     let scan = bytes.windows(2).rposition(|w| w == [0xff, 0xda]);
     scan.is_some_and(|at| bytes[at..].windows(2).any(|w| w == [0xff, 0xd9]))
 }
 
-/// Whether all is there that the head of a WebP states.
+/// Whether a WebP has its stated length.
 fn webp_is_whole(bytes: &[u8]) -> bool {
     let stated = bytes.get(4..8).and_then(|b| b.try_into().ok());
     stated.is_some_and(|b| u64::from(u32::from_le_bytes(b)) + 8 <= bytes.len() as u64)
 }
 
-/// Bytes of a PNG's signature (PNG specification, section 5.2).
+/// Size of a PNG's signature, bytes (PNG specification, section 5.2).
 const PNG: usize = 8;
 /// Bytes of length, name and checksum around the data of a chunk of a PNG (section 5.3).
 const AROUND: usize = 12;
 
-/// What of an image its pixels need. Of a PNG these are four kinds of chunks: others may be profiles and texts that unpack to gigabytes, and the decoder unpacks
-/// them on its way.
+/// The part of an image that its pixels need. For a PNG these are four kinds of chunks: profiles and texts could decompress to gigabytes,
+/// and the decoder would decompress them.
 fn needed(bytes: &[u8], format: ImageFormat) -> Cow<'_, [u8]> {
     if format != ImageFormat::Png {
         return Cow::Borrowed(bytes);
@@ -109,7 +109,7 @@ mod tests {
         let image = DynamicImage::ImageLuma8(GrayImage::from_fn(64, 48, noise));
         let mut out = Cursor::new(Vec::new());
         match format {
-            // WebP is written in colour alone.
+            // WebP is written in colour only.
             ImageFormat::WebP => DynamicImage::ImageRgb8(image.to_rgb8()),
             _ => image,
         }
@@ -124,7 +124,7 @@ mod tests {
             let whole = encoded(format);
             assert_eq!(image_format(&whole), Some(format));
             assert_eq!(decode_image(&whole, format).unwrap().width(), 64);
-            // What a recorder padded is not missed.
+            // Padding by a recorder is allowed.
             let padded = [&whole[..], &[0; 7]].concat();
             assert!(decode_image(&padded, format).is_ok(), "{format:?}");
             for part in [2, 4, 6, 7] {
@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn sizes_are_looked_at_before_pixels() {
-        // A PNG of 40 000 x 2500 px, whose pixels are not there.
+        // A PNG of 40 000 x 2500 px without pixel data.
         let mut png = encoded(ImageFormat::Png);
         png[16..20].copy_from_slice(&40_000_u32.to_be_bytes());
         png[20..24].copy_from_slice(&2500_u32.to_be_bytes());
@@ -150,7 +150,6 @@ mod tests {
         }
     }
 
-    /// CRC-32 as PNG has it, bit by bit.
     fn crc(bytes: &[u8]) -> u32 {
         !bytes.iter().fold(!0_u32, |crc, b| {
             (0..8).fold(crc ^ u32::from(*b), |c, _| {
@@ -162,7 +161,7 @@ mod tests {
     #[test]
     fn profiles_and_texts_are_not_unpacked() {
         let plain = encoded(ImageFormat::Png);
-        // A profile that does not unpack: a decoder that looks at it refuses the image or warns.
+        // An invalid profile: a decoder that reads it rejects the image or warns.
         let body = [&b"iCCPa\0\0"[..], &[0x78, 0x9c, 1, 2, 3]].concat();
         let mut chunk = (body.len() as u32 - 4).to_be_bytes().to_vec();
         chunk.extend(&body);

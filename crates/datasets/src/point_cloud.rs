@@ -1,4 +1,4 @@
-//! Point clouds as PLY and PCD, binary little-endian, as MeshLab, CloudCompare, Open3D, Blender and PCL read them.
+//! Writes point clouds as PLY and PCD, binary little-endian, for MeshLab, CloudCompare, Open3D, Blender and PCL.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -13,7 +13,7 @@ pub enum CloudFormat {
 }
 
 impl CloudFormat {
-    /// The format that the ending of a file's name stands for.
+    /// The format for a file extension.
     #[must_use]
     pub fn of(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
@@ -29,14 +29,14 @@ impl CloudFormat {
 pub struct CloudPoint {
     /// Position, m.
     pub position: [f64; 3],
-    /// Unit vector towards where it was seen from; zero where that is not known.
+    /// Unit vector towards the observing cameras; zero if unknown.
     pub normal: [f64; 3],
-    /// One number for each name that [`format`] is given.
+    /// One number for each name given to [`format`].
     pub counts: [u32; 4],
 }
 
-/// A file of points: position and normal as floats (`x y z nx ny nz`; in a PCD file `normal_x normal_y normal_z`), then the four
-/// counts under their names as unsigned integers. `comment` has one line.
+/// A file of points: position and normal as floats (`x y z nx ny nz`; in a PCD file `normal_x normal_y normal_z`), then the four counts
+/// under their names as unsigned integers. `comment` has one line.
 #[must_use]
 pub fn format(
     format: CloudFormat,
@@ -77,7 +77,7 @@ fn ply_head(points: usize, names: [&str; 4], comment: &str) -> String {
     head
 }
 
-/// One row of points, seen from the origin, as clouds without an order have it.
+/// An unorganised cloud: one row of points, with the viewpoint at the origin.
 fn pcd_head(points: usize, names: [&str; 4], comment: &str) -> String {
     format!(
         "# .PCD v0.7 - Point Cloud Data file format\n# {comment}\nVERSION 0.7\n\

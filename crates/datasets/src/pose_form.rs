@@ -1,7 +1,7 @@
-//! The form of a file of poses: which columns it has, in which unit its stamps are, and where w stands in its quaternions.
+//! Detects the format of a file of poses: columns, unit of the stamps, and quaternion order.
 //!
-//! Answers: how the lines of a file are to be read whose poses are those of the TUM format, or of EuRoC (`data.csv`: nanoseconds, place, quaternion with w first,
-//! and perhaps velocities and biases behind it). What tells is a header with the names of the columns, the number of columns, the stamps, and the signs of quaternions.
+//! Supports the TUM format, and EuRoC's `data.csv` (nanoseconds, position, quaternion with w first, possibly velocities and biases). Uses
+//! the header with column names, the number of columns, the stamps, and the signs of quaternions.
 
 use crate::error::Result;
 use crate::lists::{Line, data_lines, parse_first_numbers, parse_numbers};
@@ -10,34 +10,31 @@ use crate::units::{BETWEEN_POSES, Unit};
 use std::path::Path;
 use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
 
-/// What a line of a trajectory holds.
+/// Expected contents of a line, for messages.
 const COLUMNS: &str = "8 numbers: timestamp tx ty tz qx qy qz qw";
-/// Columns of the TUM format, and of EuRoC's state estimates.
+/// Number of columns of the TUM format, and of EuRoC's state estimates.
 const POSE: usize = 8;
 const EUROC: usize = 17;
-/// Lines by which the unit of the stamps is judged.
+/// Number of lines used to detect the unit of the stamps.
 const JUDGED: usize = 1000;
 
-/// How the lines of a file of poses are to be read.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PoseForm {
     pub(crate) unit: Unit,
     /// The quaternion is qw qx qy qz.
     pub(crate) w_first: bool,
-    /// There are columns behind the pose.
     more: bool,
-    /// The number of a line, from 1, that names the columns and is no comment.
+    /// Line number, from 1, of a header that is no comment.
     pub(crate) header: Option<usize>,
-    /// Neither names of columns nor their number tell where w stands.
+    /// Neither column names nor their number determine the quaternion order.
     undecided: bool,
 }
 
-/// Largest w of a file at least, by which w is told from a number that is always zero, as that of a robot which turns about one axis: w is above it until the camera
-/// turned by 168 degrees.
+/// Minimum of the largest w in a file, which distinguishes w from a component that is always zero, as for a robot that turns about one
+/// axis: w is above it until the camera has turned by 168 degrees.
 const CLEAR: f64 = 0.1;
 
 impl PoseForm {
-    /// The form of a file by its text.
     pub(crate) fn of(text: &str) -> Self {
         let names_it = |l: &Line<'_>| w_first_by(l.text).is_some();
         let header = data_lines(text).next().filter(names_it).map(|l| l.number);
@@ -51,7 +48,7 @@ impl PoseForm {
         let stamps: Vec<f64> = lines().take(JUDGED).filter_map(stamp).collect();
         let unit = Unit::of(&stamps, BETWEEN_POSES);
         let commas = lines().next().is_some_and(|l| l.text.contains(','));
-        // EuRoC's files have names of columns; where they were cut off, commas and nanoseconds are left.
+        // EuRoC's files have column names; without them, commas and nanoseconds identify the format.
         let as_euroc = columns == EUROC || (commas && unit == Unit::Nanoseconds);
         Self {
             unit,
@@ -62,8 +59,8 @@ impl PoseForm {
         }
     }
 
-    /// Takes the quaternions of poses that were read with w last for such with w first where their signs tell: between two lines all signs are exchanged, and yet
-    /// the first number is never negative, as many programs write w.
+    /// Reinterprets quaternions read with w last as w first if their signs show it: all signs flip between two lines, yet the first number
+    /// is never negative, as many programs normalise w.
     pub(crate) fn judge_signs(&mut self, poses: &mut [StampedPose]) {
         if !self.undecided {
             return;
@@ -71,7 +68,7 @@ impl PoseForm {
         let numbers = |p: &StampedPose| p.world_from_camera.rotation.coords;
         let lowest = |at: usize| poses.iter().map(|p| numbers(p)[at]).fold(1.0, f64::min);
         let highest = poses.iter().map(|p| numbers(p)[0]).fold(0.0, f64::max);
-        // Two poses in a row are alike: were signs kept, so would be their numbers.
+        // Consecutive poses are similar: with consistent signs so are their numbers.
         let exchanged = |w: &[StampedPose]| numbers(&w[0]).dot(&numbers(&w[1])) < -0.5;
         self.w_first = lowest(0) >= 0.0
             && highest > CLEAR
@@ -84,7 +81,7 @@ impl PoseForm {
         }
     }
 
-    /// Stamp, place and quaternion of a line.
+    /// Stamp, position and quaternion of a line.
     pub(crate) fn numbers(&self, line: &Line<'_>, path: &Path) -> Result<[f64; POSE]> {
         if self.more {
             parse_first_numbers(line, path, COLUMNS)
@@ -93,7 +90,7 @@ impl PoseForm {
         }
     }
 
-    /// What was found out, a sentence each.
+    /// Findings about the file, one sentence each.
     pub(crate) fn remarks(&self, path: &Path) -> Vec<String> {
         let mut remarks: Vec<String> = self.unit.remark(path).into_iter().collect();
         if self.w_first {
@@ -112,7 +109,7 @@ impl PoseForm {
     }
 }
 
-/// Whether the names of columns in a line have w before x in the quaternion; none where it names no quaternion.
+/// Whether the column names in a line have w before x in the quaternion; `None` without quaternion names.
 fn w_first_by(line: &str) -> Option<bool> {
     let line = line.trim_start().trim_start_matches('#').to_lowercase();
     let separator = if line.contains(',') { ',' } else { ' ' };
@@ -168,7 +165,7 @@ mod tests {
         }
     }
 
-    /// Poses of a camera that turns about itself, w never negative; the numbers of the quaternions from the place `first` on, in a ring of w, x, y, z.
+    /// Poses of a rotating camera, with w never negative; the quaternion components start at index `first` of the cycle w, x, y, z.
     fn turning(first: usize, clear: f64) -> String {
         let row = |k: u32| {
             let half = 0.05 * f64::from(k);
@@ -195,7 +192,7 @@ mod tests {
                 assert!(between.angle() < 1e-6, "{a:?} {b:?}");
             }
         }
-        // Signs that nobody kept: nothing is told.
+        // Signs that were not normalised determine nothing.
         let kept: String = turning(0, 0.5)
             .lines()
             .take(30)

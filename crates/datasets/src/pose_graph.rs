@@ -1,4 +1,4 @@
-//! Pose graphs in the text format of g2o, which GTSAM, Ceres' examples and SE-Sync read too.
+//! Writes pose graphs in the text format of g2o, for GTSAM, Ceres' examples and SE-Sync too.
 
 use std::fmt::Write;
 use stillpoint_geometry::{Mat6, Se3};
@@ -6,7 +6,7 @@ use stillpoint_geometry::{Mat6, Se3};
 /// A relative pose between two vertices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraphEdge {
-    /// The vertex in whose coordinates the pose is.
+    /// The vertex of the reference frame.
     pub from: u32,
     /// The vertex whose pose it is.
     pub to: u32,
@@ -16,9 +16,9 @@ pub struct GraphEdge {
     pub information: Mat6,
 }
 
-/// A file of `VERTEX_SE3:QUAT id x y z qx qy qz qw` and `EDGE_SE3:QUAT from to x y z qx qy qz qw` with the upper triangle of
-/// the information matrix, which is about x y z qx qy qz: half angles. Vertices are poses that map a vertex's coordinates to the world's, m. Numbers have 9 decimals;
-/// the sign of each quaternion is chosen so that `qw >= 0`.
+/// A file of `VERTEX_SE3:QUAT id x y z qx qy qz qw` and `EDGE_SE3:QUAT from to x y z qx qy qz qw` with the upper triangle of the
+/// information matrix, which is about x y z qx qy qz: half angles. Vertices are poses that map a vertex's coordinates to the world's, m.
+/// Numbers have 9 decimals; the sign of each quaternion is chosen so that `qw >= 0`.
 #[must_use]
 pub fn format(vertices: &[(u32, Se3)], edges: &[GraphEdge]) -> String {
     let mut text = String::with_capacity(110 * vertices.len() + 200 * edges.len());
@@ -33,7 +33,7 @@ pub fn format(vertices: &[(u32, Se3)], edges: &[GraphEdge]) -> String {
         pose(&mut text, &edge.from_to);
         for row in 0..6 {
             for column in row..6 {
-                // The vector of a quaternion is half the angle, so what is known of it is twice as exact.
+                // The vector of a quaternion is half the angle, which doubles its square root of information.
                 let halves = usize::from(row >= 3) + usize::from(column >= 3);
                 let element = edge.information[(row, column)] * [1.0, 2.0, 4.0][halves];
                 let _ = write!(text, " {}", element + 0.0);

@@ -1,6 +1,5 @@
-//! The cameras that are built in: the files in `configs/` beside the sources.
+//! Built-in cameras: the files in `configs/` beside the sources.
 
-/// Name, other names, and the camera file.
 type Preset = (&'static str, &'static [&'static str], &'static str);
 
 const PRESETS: [Preset; 13] = [
@@ -63,7 +62,7 @@ const PRESETS: [Preset; 13] = [
     ("oak_d", &["oakd"], include_str!("../configs/oak_d.toml")),
 ];
 
-/// Name and camera file of a preset, by its name or one of its other names.
+/// Name and camera file of a preset, by name or alias.
 pub(crate) fn preset_text(name: &str) -> Option<(&'static str, &'static str)> {
     PRESETS
         .iter()
@@ -71,12 +70,11 @@ pub(crate) fn preset_text(name: &str) -> Option<(&'static str, &'static str)> {
         .map(|(n, _, text)| (*n, *text))
 }
 
-/// The names of the presets.
 pub(crate) fn preset_names() -> impl Iterator<Item = &'static str> {
     PRESETS.iter().map(|p| p.0)
 }
 
-/// The preset that a folder's name asks for, with the part of the name that does.
+/// The preset implied by a folder's name, with the matching part of the name.
 pub(crate) fn preset_for_folder(name: &str) -> Option<(&'static str, &'static str)> {
     let name = name.to_lowercase();
     [

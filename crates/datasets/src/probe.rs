@@ -1,4 +1,4 @@
-//! A look at a few frames when a data set is opened: what would be wrong with every frame is said at once.
+//! Examines a few frames when a data set is opened, to report problems of every frame at once.
 
 use crate::camera::CameraModel;
 use crate::dataset::Entry;
@@ -6,22 +6,21 @@ use crate::decode::Picture;
 use crate::error::{DatasetError, Result};
 use stillpoint_imaging::DepthImage;
 
-/// How many frames are looked at, spread evenly over the data set.
+/// Number of examined frames, spread evenly over the data set.
 const PROBES: usize = 5;
-/// Median depths outside of this, m, are no indoor scene at the right scale.
+/// Range of plausible median depths of indoor scenes, m.
 const PLAUSIBLE: std::ops::RangeInclusive<f64> = 0.1..=50.0;
-/// Factors that depth images come in: millimetres, TUM, fr2, tenths of millimetres, centimetres, 1/256 m.
+/// Common values per metre of depth images: millimetres, TUM, fr2, tenths of millimetres, centimetres, 1/256 m.
 const FACTORS: [f64; 6] = [1000.0, 5000.0, 5208.0, 10_000.0, 100.0, 256.0];
-/// The same of images that hold floats: millimetres, centimetres, metres.
+/// Common values per metre of float images: millimetres, centimetres, metres.
 const FLOAT_FACTORS: [f64; 3] = [1000.0, 100.0, 1.0];
-/// Depth, m, that an indoor scene has in the middle.
+/// Typical median depth of an indoor scene, m.
 const TYPICAL: f64 = 2.0;
 
-/// Fills in the size of a camera that does not state it, and checks size, kind and scale of a few frames. Warnings go
-/// to `warnings`.
+/// Sets the image size of a camera that lacks it, and checks size, format and scale of a few frames. Warnings go to `warnings`.
 ///
 /// # Errors
-/// The first error of the frames when none of them can be used; [`DatasetError::DepthEmpty`].
+/// The first error of the frames if none of them can be used; [`DatasetError::DepthEmpty`].
 pub(crate) fn probe(
     entries: &[Entry],
     model: &mut CameraModel,
@@ -46,7 +45,7 @@ pub(crate) fn probe(
         }
     }
     if depths.is_empty() {
-        // Nothing usable was seen: the reason is that of the images that failed, else that all were zero.
+        // Reports the error of the unusable images, or else that all depths were zero.
         if let Some(e) = first_error {
             return Err(e);
         }
@@ -63,14 +62,14 @@ pub(crate) fn probe(
     Ok(())
 }
 
-/// The size that most images have, the first of those that are equally frequent; one image may be spoilt.
+/// The most frequent size, the first of equals, since a single image may be damaged.
 fn most_frequent(sizes: Vec<(u32, u32)>) -> (u32, u32) {
     let count = |size: &(u32, u32)| sizes.iter().filter(|s| *s == size).count();
     let best = sizes.iter().rev().max_by_key(|s| count(s));
     best.copied().unwrap_or_default()
 }
 
-/// Depths of every eighth pixel in both directions, m, without the missing ones.
+/// Depths of every eighth pixel in both directions, m, without missing ones.
 fn probe_one(entry: &Entry, model: &CameraModel) -> Result<Vec<f64>> {
     let colour = Picture::of_colour(&entry.colour)?;
     check_size(&entry.colour, "colour", model, colour.size()?)?;
@@ -82,7 +81,7 @@ fn probe_one(entry: &Entry, model: &CameraModel) -> Result<Vec<f64>> {
     Ok(values)
 }
 
-/// Holds an image's size against the camera's.
+/// Compares an image's size with the camera's.
 pub(crate) fn check_size(
     path: &std::path::Path,
     what: &str,
@@ -115,19 +114,19 @@ pub(crate) fn check_size(
     })
 }
 
-/// Depths of no indoor scene, and the number of values per metre that would make them one.
+/// Implausible depths, with a number of values per metre that would fix them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScaleDoubt {
     /// Median depth, m.
     pub median: f64,
-    /// Values per metre by which it was read.
+    /// Values per metre in use.
     pub scale: f64,
-    /// Values per metre that fit best of those in use.
+    /// The common number of values per metre that fits best.
     pub likely: f64,
 }
 
 impl ScaleDoubt {
-    /// Adds depths of every eighth pixel in both directions, m, without the missing ones.
+    /// Adds depths of every eighth pixel in both directions, m, without missing ones.
     pub fn sample(depth: &DepthImage, values: &mut Vec<f64>) {
         let rows = (0..depth.height()).step_by(8);
         let places = rows.flat_map(|y| (0..depth.width()).step_by(8).map(move |x| (x, y)));
@@ -135,7 +134,7 @@ impl ScaleDoubt {
         values.extend(all.filter(|z| *z > 0.0));
     }
 
-    /// Of depths, m, of images that hold whole numbers or floats, read at a number of values per metre; `None` where nothing is odd about them.
+    /// Checks the depths, m, of integer or float images read with `scale` values per metre; `None` if they are plausible.
     #[must_use]
     pub fn of_message(depths: &mut [f64], scale: f64, is_float: bool) -> Option<Self> {
         let factors: &[f64] = if is_float { &FLOAT_FACTORS } else { &FACTORS };
@@ -162,7 +161,7 @@ impl ScaleDoubt {
         })
     }
 
-    /// In words; `advice` is what sets the likely factor.
+    /// A message; `advice` says how to set the likely value.
     #[must_use]
     pub fn said(&self, advice: &str) -> String {
         let Self {
@@ -194,7 +193,7 @@ mod tests {
                 "{w}"
             );
         }
-        // Floats in centimetres and millimetres, and in metres though a scale was named.
+        // Floats in centimetres and millimetres, and in metres with a wrong scale.
         for (median, scale, likely) in [
             (180.0, 1.0, 100.0),
             (960.0, 1.0, 1000.0),

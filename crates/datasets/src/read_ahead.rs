@@ -1,35 +1,33 @@
-//! Reads and decodes on a separate thread, some frames ahead of the code that uses them.
+//! Reads and decodes frames ahead on a separate thread.
 
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
 use stillpoint_imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame, SourceError};
 
 type Item = Result<RgbdFrame, SourceError>;
-/// What sensors beside the camera measured.
 #[derive(Debug, Default)]
 struct Samples {
     inertial: Vec<ImuSample>,
     odometry: Vec<OdometrySample>,
 }
-/// A frame and what was measured until then.
+/// A frame and the samples before it.
 type Read = (Item, Samples);
 
-/// Runs a source on its own thread, at most a fixed number of frames ahead. The frames and their order are those of the
-/// source. A panic of the source becomes a [`SourceError`] that ends the stream. Dropping it early stops and
-/// joins the thread.
+/// Runs a source on its own thread, a limited number of frames ahead. Frames and their order are unchanged. A panic of the source becomes a
+/// [`SourceError`] that ends the stream. Dropping it early stops and joins the thread.
 #[derive(Debug)]
 pub struct ReadAhead {
-    // `None` once the stream has ended.
+    // `None` after the end of the stream.
     frames: Option<Receiver<Read>>,
     thread: Option<JoinHandle<()>>,
     remaining: Option<usize>,
     is_live: bool,
-    /// Samples that came with the frames given so far.
+    /// Samples that came with the returned frames.
     samples: Samples,
 }
 
 impl ReadAhead {
-    /// Frames that are held ready by default: a quarter of a second at 30 Hz, about 15 MB of 640 x 480 frames.
+    /// Default number of frames read ahead: a quarter of a second at 30 Hz, about 15 MB of 640 x 480 frames.
     pub const DEFAULT_FRAMES: usize = 8;
 
     /// Starts reading, [`Self::DEFAULT_FRAMES`] ahead.
@@ -50,7 +48,7 @@ impl ReadAhead {
                 move || {
                     while let Some(item) = source.next_frame() {
                         let last = matches!(&item, Err(e) if !e.recoverable);
-                        // Sending fails when nobody listens any more.
+                        // Sending fails when the receiver is gone.
                         let samples = Samples {
                             inertial: source.take_inertial(),
                             odometry: source.take_odometry(),
@@ -136,7 +134,7 @@ impl FrameSource for ReadAhead {
 
 impl Drop for ReadAhead {
     fn drop(&mut self) {
-        // First the receiver, which wakes a thread that waits to send; then the thread.
+        // The receiver first, which wakes a thread blocked in sending; then the thread.
         self.frames = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 use stillpoint_geometry::{Camera, ImuModel, OdometryModel, Se3};
 use stillpoint_imaging::{GrayImage, ImuSample, OdometrySample, RgbdFrame};
 
-/// How colour images are stored.
+/// Format of colour images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColourFormat {
-    /// Without loss.
+    /// Lossless.
     #[default]
     Png,
     /// Small files, quality 95.
@@ -32,32 +32,30 @@ impl ColourFormat {
     }
 }
 
-/// Values per metre of the depth images written, as in the TUM data sets.
+/// Values per metre of the written depth images, as in the TUM data sets.
 const DEPTH_SCALE: f64 = 5000.0;
-/// Quality of JPEG images, of 100.
 const JPEG_QUALITY: u8 = 95;
 
-/// The box around the visible part of something that moves: a row of `boxes.csv`.
+/// The bounding box of the visible part of a mover: a row of `boxes.csv`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MoverRow {
-    /// Its number, from 1: that of its pixels in the mask.
+    /// Its number, from 1, as in the mask.
     pub mover: u32,
-    /// Left, upper, right and lower border, px; pixel (0, 0) reaches from -0.5 to 0.5.
+    /// Left, upper, right and lower border, px; pixel (0, 0) extends from -0.5 to 0.5.
     pub bounds: [f64; 4],
     /// Number of its pixels in the mask.
     pub visible_px: usize,
-    /// Where it is in the world, m.
+    /// Its position in the world, m.
     pub position: [f64; 3],
     /// Its velocity in the world, m/s.
     pub velocity: [f64; 3],
 }
 
-/// Columns of `boxes.csv`.
 const BOXES_HEADER: &str = "timestamp,mover,x0,y0,x1,y1,visible_px,px,py,pz,vx,vy,vz\n";
 
-/// Records frames and poses into a folder: `rgb/*.png` (or `.jpg`), `depth/*.png` (16 bit, 5000 per metre), `rgb.txt`,
-/// `depth.txt`, `groundtruth.txt` (when there are poses) and `camera.toml`; of what moves, where it is known, `mask/*.png` and
-/// `boxes.csv`; of an inertial sensor `imu.csv`, of odometry `odometry.csv`. The lists are written last, by [`Recorder::finish`]: a folder without them is unfinished.
+/// Records frames and poses into a folder: `rgb/*.png` (or `.jpg`), `depth/*.png` (16 bit, 5000 per metre), `rgb.txt`, `depth.txt`,
+/// `groundtruth.txt` (if there are poses) and `camera.toml`; for known movers `mask/*.png` and `boxes.csv`; for an inertial sensor
+/// `imu.csv`, for odometry `odometry.csv`. [`Recorder::finish`] writes the lists last: a folder without them is incomplete.
 #[derive(Debug)]
 pub struct Recorder {
     folder: PathBuf,
@@ -69,9 +67,7 @@ pub struct Recorder {
     last_stamps: Option<(f64, f64)>,
     /// Rows of `boxes.csv`; `None` before the first mask.
     boxes: Option<String>,
-    /// Rows of `imu.csv`.
     samples: Vec<ImuSample>,
-    /// Rows of `odometry.csv`.
     stands: Vec<OdometrySample>,
 }
 
@@ -79,7 +75,7 @@ impl Recorder {
     /// Starts a data set in a new or empty folder.
     ///
     /// # Errors
-    /// [`DatasetError::Occupied`] when the folder holds something, [`DatasetError::Write`].
+    /// [`DatasetError::Occupied`] for a folder that is not empty, [`DatasetError::Write`].
     pub fn create(
         folder: &Path,
         camera: &Camera,
@@ -127,12 +123,12 @@ impl Recorder {
         })
     }
 
-    /// Writes one frame, with its pose where that is known. Without a colour image the grey one is written. Depths beyond
-    /// 13.1 m do not fit into 16 bits and become 0 (no measurement).
+    /// Writes one frame, with its pose if known. Without a colour image the grey one is written. Depths beyond 13.1 m do not fit into 16
+    /// bits and become 0 (no measurement).
     ///
     /// # Errors
-    /// [`DatasetError::StampOrder`] (the line is that of the lists) when a stamp does not ascend, [`DatasetError::Image`]
-    /// when the size is not the camera's, [`DatasetError::Write`].
+    /// [`DatasetError::StampOrder`] (with the line of the list) for a stamp that does not ascend, [`DatasetError::Image`] for another size
+    /// than the camera's, [`DatasetError::Write`].
     pub fn add(&mut self, frame: &RgbdFrame, world_from_camera: Option<&Se3>) -> Result<()> {
         self.check_stamps(frame)?;
         let rgb_name = format!("rgb/{:.6}.{}", frame.stamp, self.format.extension());
@@ -178,11 +174,11 @@ impl Recorder {
         Ok(())
     }
 
-    /// Writes what moves in the frame of a colour stamp (s): the mask, 0 where nothing moves and else the mover's number, as
-    /// `mask/` and the stamp; and the boxes as rows of `boxes.csv`.
+    /// Writes the movers in the frame of a colour stamp (s): the mask (0 for static, else the mover's number) as `mask/` and the stamp, and
+    /// the boxes as rows of `boxes.csv`.
     ///
     /// # Errors
-    /// [`DatasetError::Image`] when the size is not the camera's, [`DatasetError::Write`].
+    /// [`DatasetError::Image`] for another size than the camera's, [`DatasetError::Write`].
     pub fn add_movers(&mut self, stamp: f64, mask: &GrayImage, movers: &[MoverRow]) -> Result<()> {
         if self.boxes.is_none() {
             let path = self.folder.join("mask");
@@ -231,26 +227,26 @@ impl Recorder {
         write("rgb.txt", &self.rgb_list)
     }
 
-    /// Says how an inertial sensor is mounted: then its samples are written as well.
+    /// Sets the inertial sensor, whose samples are then written.
     #[must_use]
     pub fn with_imu(mut self, model: ImuModel) -> Self {
         self.camera.imu = Some(model);
         self
     }
 
-    /// Adds samples of the inertial sensor, in order of time; without [`Recorder::with_imu`] they are left out.
+    /// Adds inertial samples in time order; ignored without [`Recorder::with_imu`].
     pub fn add_inertial(&mut self, samples: &[ImuSample]) {
         self.samples.extend_from_slice(samples);
     }
 
-    /// Says how the camera stands on a base with odometry: then its samples are written as well.
+    /// Sets the odometry, whose samples are then written.
     #[must_use]
     pub fn with_odometry(mut self, model: OdometryModel) -> Self {
         self.camera.odometry = Some(model);
         self
     }
 
-    /// Adds samples of the odometry, in order of time; without [`Recorder::with_odometry`] they are left out.
+    /// Adds odometry samples in time order; ignored without [`Recorder::with_odometry`].
     pub fn add_odometry(&mut self, samples: &[OdometrySample]) {
         self.stands.extend_from_slice(samples);
     }
@@ -302,7 +298,7 @@ impl Recorder {
     }
 }
 
-/// Depth in m as stored; 0 for none and for what does not fit. 65535 is left out: it is a mark for no measurement.
+/// Depth in m as stored; 0 for none and for values out of range. 65535 is avoided, as it marks missing measurements.
 fn depth_to_raw(z: f32) -> u16 {
     let raw = (f64::from(z) * DEPTH_SCALE).round();
     if raw >= 1.0 && raw < f64::from(u16::MAX) {

@@ -1,14 +1,13 @@
-//! Files that are read as a whole: regular files of a size that memory holds. A device has no end, and a pipe that nobody writes to
-//! keeps its reader waiting for ever.
+//! Reads whole regular files of limited size. A device has no end, and a pipe without a writer blocks its reader forever.
 
 use std::fs::{File, FileType, Metadata};
 use std::io::{Error, Read, Result};
 use std::path::Path;
 
-/// The bytes of a regular file with at most so many of them.
+/// The bytes of a regular file of at most `most` bytes.
 ///
 /// # Errors
-/// The system's reason, or in words what is there instead: a pipe, a device, a larger file.
+/// A system error, or a description of a pipe, device or larger file.
 pub fn read_regular(path: &Path, most: u64) -> Result<Vec<u8>> {
     let metadata = std::fs::metadata(path)?;
     check_kind(&metadata)?;
@@ -20,18 +19,18 @@ pub fn read_regular(path: &Path, most: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of a regular file with at most so many bytes.
+/// The text of a regular file of at most `most` bytes.
 ///
 /// # Errors
-/// As [`read_regular`], and for bytes that are no UTF-8.
+/// As [`read_regular`], and for invalid UTF-8.
 pub fn read_regular_text(path: &Path, most: u64) -> Result<String> {
     String::from_utf8(read_regular(path, most)?).map_err(|e| Error::other(e.utf8_error()))
 }
 
-/// Opens a regular file, for who reads it piece by piece.
+/// Opens a regular file, for incremental reading.
 ///
 /// # Errors
-/// The system's reason, or in words what is there instead.
+/// A system error, or a description of a special file.
 pub fn open_regular(path: &Path) -> Result<File> {
     check_kind(&std::fs::metadata(path)?)?;
     File::open(path)
@@ -64,7 +63,7 @@ fn check_length(found: u64, most: u64) -> Result<()> {
     )))
 }
 
-/// What is neither file nor folder.
+/// Name of a special file's type.
 #[cfg(unix)]
 fn special(kind: FileType) -> &'static str {
     use std::os::unix::fs::FileTypeExt;
@@ -94,7 +93,7 @@ mod tests {
         assert_eq!(read_regular(&path, 5).unwrap(), b"12345");
         let e = read_regular(&path, 4).unwrap_err().to_string();
         assert!(e.contains("more bytes, where at most 4"), "{e}");
-        // As large as a disk, without a byte on it.
+        // As large as a disk, but sparse.
         let file = File::create(&path).unwrap();
         file.set_len(1 << 40).unwrap();
         let e = read_regular(&path, 1 << 20).unwrap_err().to_string();

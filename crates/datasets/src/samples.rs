@@ -1,4 +1,4 @@
-//! What the files of sensors beside the camera have in common: one sample a line in order of time, and a mount.
+//! Common code for sample files of other sensors: one sample per line in time order, and a mounting pose.
 
 use crate::error::{DatasetError, Result};
 use crate::lists::{Line, data_lines, read_text};
@@ -9,7 +9,8 @@ use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
 use stillpoint_geometry::{FigureError, Se3, Vec3};
 use stillpoint_imaging::Stamped;
 
-/// The samples of a file in a folder; none where there is no such file. Where nothing tells how the sensor is mounted (`unknown` says what to add) they are left out, which is said.
+/// The samples of a file in a folder; `None` without the file. Without a known mounting they are ignored, with the warning `unknown`, which
+/// says what to add.
 pub(crate) fn read<T: Stamped>(
     path: &Path,
     unknown: Option<&str>,
@@ -28,14 +29,14 @@ pub(crate) fn read<T: Stamped>(
     parse(&text, path, sample)
 }
 
-/// The unit of the stamps, which are the first column; what does not read is told later.
+/// The unit of the stamps in the first column; parse errors are reported later.
 fn unit(text: &str) -> Unit {
     let stamp = |line: Line<'_>| line.columns().next()?.parse().ok();
     let stamps: Vec<f64> = data_lines(text).filter_map(stamp).collect();
     Unit::of(&stamps, BETWEEN_SAMPLES)
 }
 
-/// The samples of a text, which must be in order of time.
+/// Parses the samples, which must be in time order.
 pub(crate) fn parse<T: Stamped>(
     text: &str,
     path: &Path,
@@ -59,10 +60,10 @@ pub(crate) fn parse<T: Stamped>(
     Ok(samples.into())
 }
 
-/// What was expected of a camera file's table, and what was found.
+/// Expectation and finding for a camera file's table.
 pub(crate) type TableError = (String, String);
 
-/// The mount that a table states: a quaternion `[x, y, z, w]` and a place, m.
+/// The mounting in a table: a quaternion `[x, y, z, w]` and a position, m.
 pub(crate) fn mount(
     table: &str,
     [x, y, z, w]: [f64; 4],
@@ -70,7 +71,7 @@ pub(crate) fn mount(
 ) -> std::result::Result<Se3, TableError> {
     let quaternion = Quaternion::new(w, x, y, z);
     let norm = quaternion.norm();
-    // Also refuses what is no number.
+    // Also rejects NaN.
     if !(0.999..=1.001).contains(&norm) {
         let expected = format!("[{table}] rotation = [x, y, z, w], a quaternion of length 1");
         return Err((expected, format!("one of length {norm}")));
@@ -79,7 +80,7 @@ pub(crate) fn mount(
     Ok(Se3::new(rotation, Vec3::from(place)))
 }
 
-/// The head of a table, with the mount; `file` is that of the samples.
+/// The head of a table with the mounting; `file` is the sample file.
 pub(crate) fn mount_to_toml(mount: &Se3, time_offset: f64, file: &str) -> String {
     let (q, t) = (mount.rotation.coords, mount.translation);
     format!(
@@ -88,7 +89,6 @@ pub(crate) fn mount_to_toml(mount: &Se3, time_offset: f64, file: &str) -> String
     )
 }
 
-/// What a table says that no such sensor has.
 pub(crate) fn figure(table: &str, e: &FigureError) -> TableError {
     let expected = format!("[{table}] with {} {}", e.field, e.expected);
     (expected, e.found.to_string())

@@ -1,52 +1,54 @@
-//! Stamps in the order in which they were written, where the clock that made them was set back.
+//! Restores the order of stamps where a clock was set back during a recording.
 //!
-//! Answers: whether a stamp that is older than the one before came late, and belongs between earlier ones, or was made by a clock that was set back
-//! meanwhile. What came late fills a hole that earlier stamps left; after a clock was set back stamps fall among those that are there. By stamps alone two times
-//! would then be played in turn, so the order of writing is kept and the stamps from there on go on where the others ended.
+//! Decides whether a stamp older than its predecessor came late and belongs between earlier ones, or was made after the clock was set back.
+//! Late stamps fill a gap between earlier ones; after a clock was set back, stamps fall among existing ones. Sorting would interleave two
+//! times, so the order of writing is kept, and later stamps are shifted to continue.
 
 use std::collections::BTreeSet;
 
-/// A stamp that is behind by less than so many steps may be late by a moment: it is put in its place. Two images that two threads write in the wrong order are one step apart.
+/// Maximum backward step of a late stamp, in usual steps; it is sorted in. Two images written in the wrong order by two threads are one
+/// step apart.
 const MOMENT: f64 = 1.5;
-/// Stamps in a row that are behind where a clock was set back, at least: one alone may be late.
+/// Minimum number of consecutive backward stamps after a clock was set back: a single one may be late.
 const ROW: usize = 2;
-/// A list with more places of this kind is in no order at all, and is sorted: NTP sets a clock some times in a recording at most.
+/// Maximum number of such places; a list with more is unordered, and is sorted: NTP sets a clock at most some times in a recording.
 const MOST: usize = 10;
-/// Two parts of a list that follow each other within so many usual steps were written in the wrong order; some images may be missing between them.
+/// Maximum gap, in usual steps, between two parts of a list that were written in the wrong order; some images may be missing between them.
 const SEAM: f64 = 5.0;
-/// A step by the clock of the writer that is taken for one between two images at most, s: beyond that the writer's clock was set, or a recording was paused.
+/// Maximum step of the writer's clock that counts as the time between two images, s: a longer one means that the writer's clock was set, or
+/// the recording was paused.
 const LONGEST_STEP: f64 = 10.0;
-/// Two streams of one clock differ in what they were set back by at most by this share of it and so many usual steps: each lacks up to a step at either side of that moment,
-/// and images may be missing there.
+/// Maximum difference of the backward steps of two streams of one clock, as a share of the step, plus some usual steps: each lacks up to a
+/// step on either side of that moment, and images may be missing there.
 const ALIKE: f64 = 0.5;
 const ALIKE_STEPS: f64 = 3.0;
 
 /// A place at which a clock was set back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SetBack {
-    /// The first stamp after it, in the order of writing, from 0.
+    /// Index of the first stamp after it, in the order of writing.
     pub index: usize,
-    /// By how much that stamp is older than the newest before, s.
+    /// Backward step relative to the newest previous stamp, s.
     pub by: f64,
-    /// What is added to the stamps from there on beside what was added before, s.
+    /// Offset added to the stamps from there on, besides earlier offsets, s.
     pub added: f64,
 }
 
-/// Stamps in an order in which they can be played.
+/// Stamps in a playable order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mended {
-    /// Stamps, s, ascending and without repeats, each with its place in the order of writing.
+    /// Ascending unique stamps, s, each with its index in the order of writing.
     pub stamps: Vec<(f64, usize)>,
-    /// How many repeated one, and are left out.
+    /// Number of repeated stamps, which are left out.
     pub repeats: usize,
-    /// How many came late, and are put in their places.
+    /// Number of late stamps, which were sorted in.
     pub late: usize,
     /// Where the clock was set back.
     pub set_back: Vec<SetBack>,
 }
 
 impl Mended {
-    /// What is said of a place at which the clock was set back, which `place` names.
+    /// Message about a place at which the clock was set back, described by `place`.
     #[must_use]
     pub fn remark(at: &SetBack, place: &str) -> String {
         format!(
@@ -56,8 +58,8 @@ impl Mended {
     }
 }
 
-/// Brings stamps (s, in the order of writing) into an order in which they can be played. `step` is the time between a stamp and the one before by another
-/// clock, where there is one; `like` is where the clock was set back by another stream that it stamped.
+/// Brings stamps (s, in the order of writing) into a playable order. `step` is the time between a stamp and its predecessor by another
+/// clock, if there is one; `like` are the places where another stream of the same clock was set back.
 #[must_use]
 pub fn mend(stamps: &[f64], step: impl Fn(usize) -> Option<f64>, like: &[SetBack]) -> Mended {
     let own = places(stamps, &step);
@@ -95,17 +97,17 @@ pub fn mend(stamps: &[f64], step: impl Fn(usize) -> Option<f64>, like: &[SetBack
     }
 }
 
-/// The places at which a clock was set back; none of a list that is in no order.
+/// The places at which a clock was set back; none for an unordered list.
 fn places(stamps: &[f64], step: &impl Fn(usize) -> Option<f64>) -> Vec<SetBack> {
     let usual = usual_step(stamps);
     let mut found: Vec<SetBack> = Vec::new();
     let Some(&first) = stamps.first().filter(|_| usual > 0.0) else {
         return found;
     };
-    // Those before, with what was added to them, ns.
+    // Previous stamps including their offsets, ns.
     let mut before = BTreeSet::from([nanoseconds(first)]);
     let (mut newest, mut added) = (first, 0.0);
-    // What is before this place was judged with the row that it is in.
+    // Stamps before this index were judged together with their run.
     let mut judged = 0;
     for (i, raw) in stamps.iter().enumerate().skip(1) {
         let stamp = raw + added;
@@ -135,7 +137,7 @@ fn places(stamps: &[f64], step: &impl Fn(usize) -> Option<f64>) -> Vec<SetBack> 
     found
 }
 
-/// Whether a row of stamps that are behind falls among those before, or lies before all of them, and fills no hole.
+/// Whether a run of backward stamps falls among earlier ones, or precedes all of them, and fills no gap.
 fn falls_among(row: &[f64], before: &BTreeSet<i64>, usual: f64) -> bool {
     let fold = |of: fn(f64, f64) -> f64| row.iter().copied().reduce(of).unwrap_or(0.0);
     let (low, high) = (nanoseconds(fold(f64::min)), nanoseconds(fold(f64::max)));
@@ -154,7 +156,7 @@ fn nanoseconds(stamp: f64) -> i64 {
     (stamp * 1e9) as i64
 }
 
-/// The median step ahead, s; 0 where there is none.
+/// The median forward step, s; 0 if there is none.
 fn usual_step(stamps: &[f64]) -> f64 {
     let steps = stamps.iter().zip(stamps.iter().skip(1));
     let mut steps: Vec<f64> = steps.map(|(a, b)| b - a).filter(|s| *s > 0.0).collect();
@@ -224,7 +226,7 @@ mod tests {
         burst.splice(30..30, held);
         let mut parts = steady(60);
         parts.rotate_left(35);
-        // As names of files without leading zeros are sorted.
+        // Like sorted file names without leading zeros.
         let mut names: Vec<usize> = (0..60).collect();
         names.sort_by_key(usize::to_string);
         let by_name: Vec<f64> = names.iter().map(|i| steady(60)[*i]).collect();
@@ -245,7 +247,7 @@ mod tests {
         let m = mend(&stamps, |i| Some(if i == 20 { 0.2 } else { 0.0 }), &[]);
         let step = m.stamps[20].0 - m.stamps[19].0;
         assert!((step - 0.2).abs() < 1e-9, "{step}");
-        // The other stream goes on by the same.
+        // The other stream continues with the same offset.
         let depth: Vec<f64> = stamps.iter().map(|t| t + 0.004).collect();
         let like = mend(&depth, |_| None, &m.set_back);
         assert_eq!(like.set_back[0].added, m.set_back[0].added);

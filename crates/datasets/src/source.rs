@@ -1,4 +1,4 @@
-//! The frames of a data set, decoded one after the other.
+//! Decodes the frames of a data set in order.
 
 use crate::camera::CameraModel;
 use crate::dataset::{Dataset, Entry};
@@ -11,23 +11,21 @@ use stillpoint_imaging::{
     SourceError,
 };
 
-/// Which frames to read and how.
+/// Which frames to read, and how.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameOptions {
-    /// Number of frames to leave out at the start.
+    /// Number of frames to skip at the start.
     pub start: usize,
-    /// Largest number of frames to read, unreadable ones included; `None` for all.
+    /// Maximum number of frames to read, unreadable ones included; `None` for all.
     pub max_frames: Option<usize>,
     /// Keep the colour image in the frame.
     pub keep_colour: bool,
 }
 
-/// Reads the frames of a data set in order. Frame ids count from 0 at the first frame read; an unreadable frame uses up
-/// its id.
+/// Reads the frames of a data set in order. Frame ids count from 0 at the first frame read; an unreadable frame uses up its id.
 #[derive(Debug)]
 pub struct DatasetSource {
     entries: Arc<[Entry]>,
-    /// Which of them are still to be read.
     left: std::ops::Range<usize>,
     next_id: u32,
     camera: CameraModel,
@@ -36,13 +34,13 @@ pub struct DatasetSource {
     ended: bool,
     imu: ImuTrack,
     odometry: OdometryTrack,
-    /// Stamp of the newest frame that was read, s.
+    /// Stamp of the newest frame read, s.
     newest: Option<f64>,
 }
 
-/// Samples from so long before the first frame on are given, s.
+/// Inertial samples are used from this long before the first frame, s.
 const BEFORE: f64 = 0.1;
-/// The same of odometry, which comes ten times a second and more.
+/// Odometry samples are used from this long before the first frame, s; they come ten times a second and more.
 const BEFORE_ODOMETRY: f64 = 0.4;
 
 impl DatasetSource {
@@ -77,7 +75,7 @@ impl DatasetSource {
     }
 
     fn read(&self, entry: &Entry, id: u32) -> Result<RgbdFrame> {
-        // Sizes come first: an image of another one is not decoded.
+        // Sizes first: an image of another size is not decoded.
         let picture = Picture::of_colour(&entry.colour)?;
         check_size(&entry.colour, "colour", &self.camera, picture.size()?)?;
         let (gray, colour) = if self.keep_colour {

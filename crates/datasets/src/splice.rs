@@ -1,8 +1,6 @@
-//! Parts of recordings played one after another: a camera that is carried away with its lens covered.
+//! Joins parts of recordings with black frames between them, to simulate a kidnapped camera.
 //!
-//! Answers: which frames somebody would have recorded who saw these parts in this order, with black frames between them, and
-//! where the camera was then. Joins streams of one camera; does not know what they show. What comes out is a pure function of
-//! what the sources yield.
+//! All parts come from one camera; the ground truth is joined too. The output is a pure function of the sources.
 
 use crate::disturb::{black_colour, no_depth};
 use crate::trajectory::StampedPose;
@@ -10,13 +8,13 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_imaging::{FrameId, FrameSource, GrayImage, RgbdFrame, SourceError};
 
-/// An adaptor of streams was asked for something impossible.
+/// An invalid request to a stream adaptor.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected {expected}, found {found}")]
 pub struct AdaptorError {
-    /// What is needed.
+    /// Expectation.
     pub expected: String,
-    /// What was given.
+    /// Finding.
     pub found: String,
 }
 
@@ -33,11 +31,11 @@ impl AdaptorError {
 pub enum Part {
     /// Frames of a source.
     Frames(Clip),
-    /// This many black frames of the size of the frame before, without any depth.
+    /// This many black frames without depth, of the previous frame's size.
     Black(usize),
 }
 
-/// A run of frames of one source, with the ground truth of its recording.
+/// A range of frames of one source, with the ground truth of its recording.
 pub struct Clip {
     source: Box<dyn FrameSource>,
     skip: usize,
@@ -61,8 +59,8 @@ impl Clip {
         }
     }
 
-    /// Leaves out the first `frames` frames, unreadable ones included. They are read nevertheless: where the source itself can
-    /// start later ([`FrameOptions::start`](crate::FrameOptions::start)), that is faster.
+    /// Skips the first `frames` frames, unreadable ones included. They are still read: [`FrameOptions::start`](crate::FrameOptions::start)
+    /// is faster, where available.
     #[must_use]
     pub fn skip(self, frames: usize) -> Self {
         Self {
@@ -71,7 +69,7 @@ impl Clip {
         }
     }
 
-    /// Plays exactly `frames` frames, unreadable ones included; a source that has fewer is an error.
+    /// Plays exactly `frames` frames, unreadable ones included; fewer are an error.
     #[must_use]
     pub fn take(self, frames: usize) -> Self {
         Self {
@@ -80,7 +78,7 @@ impl Clip {
         }
     }
 
-    /// Poses at the source's own stamps, in order of time; those outside of the clip do no harm.
+    /// Poses at the source's own stamps, in time order; those outside of the clip are ignored.
     #[must_use]
     pub fn with_truth(self, truth: Vec<StampedPose>) -> Self {
         Self { truth, ..self }
@@ -98,7 +96,7 @@ impl Clip {
             }
         }
         match self.source.next_frame() {
-            // A clip without a number of frames plays whatever there is, but not nothing.
+            // A clip of unlimited length must have at least one frame.
             None if self.take.is_some() || self.taken == 0 => Some(Err(self.short())),
             None => None,
             item => {
@@ -134,10 +132,10 @@ fn fatal(message: String) -> SourceError {
     }
 }
 
-/// Where a frame of a splice comes from.
+/// Origin of a frame of a splice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Origin {
-    /// Number of the part, from 0; black parts count too.
+    /// Part number, from 0, black parts included.
     pub part: usize,
     /// The frame's id in its source.
     pub id: FrameId,
@@ -145,12 +143,11 @@ pub struct Origin {
     pub stamp: f64,
 }
 
-/// When a part was played.
 struct Span {
     part: usize,
     /// Stamps of the first and the last frame in the source, s.
     from: [f64; 2],
-    /// Stamp that the first frame got, s.
+    /// Stamp given to the first frame, s.
     to: f64,
 }
 
@@ -160,9 +157,8 @@ impl Span {
     }
 }
 
-/// Plays [`Part`]s one after another. Ids count from 0 and stamps from 0 s: within a part the steps are those of the source,
-/// between parts and within black parts they are the period. An unreadable frame uses up its id. Depth stamps keep their
-/// distance from their colour stamps.
+/// Plays [`Part`]s in sequence. Ids count from 0 and stamps from 0 s: within a part the steps are those of the source, between parts and
+/// within black parts they are the period. An unreadable frame uses up its id. Depth stamps keep their distance from their colour stamps.
 ///
 /// ```no_run
 /// # use stillpoint_datasets::{Clip, Dataset, FrameOptions, OpenOptions, Part, Splice};
@@ -183,10 +179,9 @@ impl Span {
 /// ```
 pub struct Splice {
     parts: VecDeque<Part>,
-    /// Number of the part at the front.
     number: usize,
     period: f64,
-    /// Width, height, and whether there is colour, of the last frame of a source.
+    /// Size of the last frame of a source, and whether it has colour.
     shape: Option<([usize; 2], bool)>,
     last_stamp: Option<f64>,
     origins: Vec<Option<Origin>>,
@@ -196,11 +191,11 @@ pub struct Splice {
 }
 
 impl Splice {
-    /// Joins parts. `period` is the time from a frame to the next one in black parts and from part to part, s.
+    /// Joins parts. `period` is the time between frames in black parts and between parts, s.
     ///
     /// # Errors
-    /// [`AdaptorError`] unless the first part has frames (black frames take their size from those before them), every clip
-    /// takes at least one frame, and the period is positive and finite.
+    /// [`AdaptorError`] unless the first part has frames (black frames take their size from those before them), every clip takes at least
+    /// one frame, and the period is positive and finite.
     pub fn new(mut parts: Vec<Part>, period: f64) -> Result<Self, AdaptorError> {
         if !(period > 0.0 && period.is_finite()) {
             return Err(AdaptorError::new(
@@ -239,17 +234,17 @@ impl Splice {
         })
     }
 
-    /// Where a frame that was played comes from; `None` for black, unreadable and future frames.
+    /// Origin of a frame that was played; `None` for black, unreadable and future frames.
     #[must_use]
     pub fn origin(&self, id: FrameId) -> Option<Origin> {
         *self.origins.get(id.0 as usize)?
     }
 
-    /// The ground truth of all that was played so far, at the splice's stamps and in order of time: of each clip the poses
-    /// from just under half a period before its first frame to as long after its last one. Black frames have none.
+    /// The ground truth of the played part, at the splice's stamps in time order: for each clip the poses from just under half a period
+    /// before its first frame to as long after its last one. Black frames have none.
     #[must_use]
     pub fn ground_truth(&self) -> Vec<StampedPose> {
-        // Less than half, so that neighbouring parts cannot overlap by rounding.
+        // Less than half, so that adjacent parts cannot overlap by rounding.
         let margin = 0.49 * self.period;
         let mut poses = Vec::new();
         for span in &self.spans {
@@ -302,7 +297,7 @@ impl Splice {
         })
     }
 
-    /// Gives a frame of the current part its id and stamps.
+    /// Sets the id and stamps of a frame of the current part.
     fn place(&mut self, mut frame: RgbdFrame) -> Result<RgbdFrame, SourceError> {
         let (part, from) = (self.number, frame.stamp);
         let wrong = |expected: String, found: String, advice: &str| {

@@ -1,4 +1,4 @@
-//! Trajectories in the TUM format: `timestamp tx ty tz qx qy qz qw`, one pose per line, seconds and metres. Those of EuRoC are read as well.
+//! Trajectories in the TUM format: `timestamp tx ty tz qx qy qz qw`, one pose per line, seconds and metres. EuRoC's format is read as well.
 
 use crate::error::{DatasetError, Result, quote};
 use crate::lists::{Line, data_lines, read_text};
@@ -19,18 +19,17 @@ pub struct StampedPose {
 }
 
 /// Reads a trajectory in the TUM format. Lines that are blank or start with `#` are skipped; columns are separated by blanks or commas;
-/// quaternions are brought to unit length. What [`read_said`] recognises is read as well.
+/// quaternions are normalised. Also reads the variants that [`read_said`] recognises.
 ///
 /// # Errors
-/// [`DatasetError::Read`], [`DatasetError::Malformed`] for a line that does not hold eight finite numbers or whose
-/// quaternion is zero, [`DatasetError::StampOrder`] for stamps that go back or repeat. A file without poses gives an
-/// empty list.
+/// [`DatasetError::Read`], [`DatasetError::Malformed`] for a line without eight finite numbers or with a zero quaternion,
+/// [`DatasetError::StampOrder`] for stamps that go back or repeat. A file without poses gives an empty list.
 pub fn read(path: &Path) -> Result<Vec<StampedPose>> {
     read_said(path).map(|(poses, _)| poses)
 }
 
-/// The same, and in a sentence each what was found out about the file: stamps in milliseconds, microseconds or nanoseconds, EuRoC's columns, quaternions with
-/// w first that a header names or their signs betray.
+/// Like [`read`], with the findings about the file, one sentence each: stamps in milliseconds, microseconds or nanoseconds, EuRoC's
+/// columns, quaternions with w first by the header or by their signs.
 ///
 /// # Errors
 /// As [`read`].
@@ -38,7 +37,7 @@ pub fn read_said(path: &Path) -> Result<(Vec<StampedPose>, Vec<String>)> {
     parse_said(&read_text(path)?, path)
 }
 
-/// Reads a trajectory from text; `path` is named in errors. See [`read`].
+/// Parses a trajectory; `path` is for messages. See [`read`].
 ///
 /// # Errors
 /// As [`read`], without [`DatasetError::Read`].
@@ -74,7 +73,7 @@ fn parse_line(line: &Line<'_>, path: &Path, form: &PoseForm) -> Result<StampedPo
     } else {
         Quaternion::new(d, a, b, c)
     };
-    // Below this the direction of the four numbers is noise; a quaternion of a file has a norm near 1.
+    // Below this the direction of the four numbers is noise; quaternions in files have a norm near 1.
     if !(1e-6..1e6).contains(&q.norm()) {
         return Err(DatasetError::Malformed {
             path: path.to_owned(),
@@ -90,8 +89,8 @@ fn parse_line(line: &Line<'_>, path: &Path, form: &PoseForm) -> Result<StampedPo
     })
 }
 
-/// The text of a TUM trajectory: a comment line, then one line per pose, stamps with 6 decimals, the rest with 9. The
-/// sign of each quaternion is chosen so that `qw >= 0`.
+/// The text of a TUM trajectory: a comment line, then one line per pose, stamps with 6 decimals, other numbers with 9. The sign of each
+/// quaternion is chosen so that `qw >= 0`.
 #[must_use]
 pub fn format(poses: &[StampedPose]) -> String {
     let mut text = String::with_capacity(40 + poses.len() * 110);
@@ -119,7 +118,7 @@ pub fn format(poses: &[StampedPose]) -> String {
     text
 }
 
-/// Writes a TUM trajectory as a whole, see [`format`](fn@format) and [`write_atomic`].
+/// Writes a TUM trajectory atomically, see [`format`](fn@format) and [`write_atomic`].
 ///
 /// # Errors
 /// [`DatasetError::Write`].

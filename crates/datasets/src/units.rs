@@ -1,26 +1,23 @@
-//! The unit of a list's stamps, where that is not seconds.
-//!
-//! Answers: whether the numbers of a list are seconds, by how far they lie apart and by how large they are. Sensors make samples many times a
-//! second, and no clock counts seconds from so far back that the numbers have twelve digits.
+//! Detects the unit of stamps that are not in seconds, by their steps and their magnitude. Sensors deliver many samples a second, and no
+//! clock counts seconds with twelve digits.
 
-/// Larger numbers are no seconds: that would be a date after the year 5000.
+/// Maximum value of seconds: larger ones would be a date after the year 5000.
 const LARGEST_SECONDS: f64 = 1e11;
-/// The same of milliseconds and of microseconds.
+/// Maximum value of milliseconds, and of microseconds.
 const LARGEST_MILLISECONDS: f64 = 1e14;
 const LARGEST_MICROSECONDS: f64 = 1e17;
-/// What most sensors have between two samples, s: some take a hundred times more or less.
+/// Typical time between two samples of a sensor, s: some take a hundred times more or less.
 const USUAL_STEP: f64 = 0.03;
-/// Stamps of which the distance is judged at least.
+/// Minimum number of stamps for judging their steps.
 const FEW: usize = 5;
 
-/// Images that are farther apart than this tell nothing of a motion, s.
+/// Maximum time between images, s: beyond it they do not show a motion.
 pub(crate) const BETWEEN_IMAGES: f64 = 4.0;
-/// Samples of inertial sensors and of wheels are closer together, s.
+/// Maximum time between inertial or wheel samples, s.
 pub(crate) const BETWEEN_SAMPLES: f64 = 3.0;
-/// Poses may be those of keyframes alone, s.
+/// Maximum time between poses, which may be those of keyframes alone, s.
 pub(crate) const BETWEEN_POSES: f64 = 20.0;
 
-/// What the numbers of a list's stamps count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Unit {
     Seconds,
@@ -37,7 +34,7 @@ impl Unit {
         Self::Nanoseconds,
     ];
 
-    /// The unit of stamps, of which two are not farther apart than `most` seconds.
+    /// The unit of stamps with steps of at most `most` seconds.
     pub(crate) fn of(stamps: &[f64], most: f64) -> Self {
         let by_size = |largest: f64| match largest {
             t if t < LARGEST_SECONDS => Self::Seconds,
@@ -49,11 +46,11 @@ impl Unit {
         let by_step = usual_step(stamps)
             .filter(|step| *step >= most)
             .map_or(Self::Seconds, Self::nearest);
-        // Of a clock that began a moment ago the size says nothing, of a slow one the distance.
+        // The magnitude is inconclusive for a clock that started recently, the steps for a slow one.
         by_size(largest).max(by_step)
     }
 
-    /// The unit, but seconds, in which a step is most like one of a sensor.
+    /// The unit, other than seconds, in which a step is closest to a sensor's.
     fn nearest(step: f64) -> Self {
         let unlike = |unit: &Self| (step / unit.per_second() / USUAL_STEP).ln().abs();
         let all = Self::ALL[1..].iter().copied();
@@ -70,7 +67,7 @@ impl Unit {
         }
     }
 
-    /// What is said of a list in this unit; nothing of seconds.
+    /// A message about a list in this unit; `None` for seconds.
     pub(crate) fn remark(self, list: &std::path::Path) -> Option<String> {
         let name = match self {
             Self::Seconds => return None,
@@ -85,7 +82,7 @@ impl Unit {
     }
 }
 
-/// The median of the steps ahead; none of too few stamps.
+/// The median forward step; `None` for too few stamps.
 fn usual_step(stamps: &[f64]) -> Option<f64> {
     let steps = stamps.iter().zip(stamps.iter().skip(1));
     let mut steps: Vec<f64> = steps.map(|(a, b)| b - a).filter(|s| *s > 0.0).collect();
@@ -124,11 +121,11 @@ mod tests {
         // Poses of a motion capture system, since it was started.
         let fast: Vec<f64> = (0..20).map(|i| 1e7 * f64::from(i)).collect();
         assert_eq!(Unit::of(&fast, BETWEEN_POSES), Unit::Nanoseconds);
-        // Two alone say nothing by their distance.
+        // The step of only two stamps is inconclusive.
         assert_eq!(Unit::of(&[0.0, 60.0], BETWEEN_IMAGES), Unit::Seconds);
         assert_eq!(Unit::of(&[1.3e18], BETWEEN_IMAGES), Unit::Nanoseconds);
         assert_eq!(Unit::of(&[], BETWEEN_IMAGES), Unit::Seconds);
-        // One gap is no unit.
+        // A single gap does not determine the unit.
         assert_eq!(
             Unit::of(&[0.0, 0.1, 0.2, 500.0, 500.1, 500.2], BETWEEN_IMAGES),
             Unit::Seconds

@@ -1,12 +1,12 @@
-//! Whole files, or none: errors of this crate above crate `files`.
+//! Atomic writes with this crate's errors, by the crate `files`.
 
 use crate::error::{DatasetError, Result};
 use std::path::Path;
 
-/// Writes a file as a whole, see [`stillpoint_files::write_atomic`].
+/// Writes a file atomically, see [`stillpoint_files::write_atomic`].
 ///
 /// # Errors
-/// [`DatasetError::Write`] with the system's reason (no such folder, not writable, disk full).
+/// [`DatasetError::Write`] with the system's reason (missing folder, not writable, disk full).
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
     stillpoint_files::write_atomic(path, bytes).map_err(|source| DatasetError::Write {
         path: path.to_owned(),
@@ -27,7 +27,7 @@ mod tests {
         assert!(e.to_string().contains("folder"), "{e}");
     }
 
-    /// A device that is always full.
+    /// `/dev/full` is always full.
     #[test]
     #[cfg(target_os = "linux")]
     fn a_full_device_is_reported() {

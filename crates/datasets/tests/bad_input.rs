@@ -1,4 +1,4 @@
-//! Every kind of bad input ends in a message that names the place, what was expected and what was found.
+//! Every kind of bad input gives a message with location, expectation and finding.
 
 use crate::common::{Folder, H, W, depth, fails, gray};
 use image::{DynamicImage, ImageFormat};
@@ -114,7 +114,7 @@ fn ground_truth_with_a_bad_line() {
     assert!(e.path().ends_with("groundtruth.txt"));
 }
 
-/// What the frames give, as `ok` or the message.
+/// The result of each frame: `ok` or the message.
 fn outcomes(f: &Folder, strict: bool) -> Vec<String> {
     let options = OpenOptions {
         strict,
@@ -135,7 +135,7 @@ fn outcomes(f: &Folder, strict: bool) -> Vec<String> {
     all
 }
 
-/// Cuts off the last bytes of a colour image in another format.
+/// Truncates a colour image in another format.
 fn truncate(f: &Folder, format: ImageFormat) {
     let noise = image::RgbImage::from_fn(W, H, |x, y| {
         image::Rgb([
@@ -288,7 +288,7 @@ fn starting_behind_the_end() {
     assert!(e.contains("the number of frames, 3"), "{e}");
 }
 
-/// A device has no end, and a pipe without a writer no beginning: neither is read.
+/// Devices, which have no end, and pipes without a writer are not read.
 #[test]
 #[cfg(unix)]
 fn devices_and_pipes_are_not_read() {
@@ -329,7 +329,7 @@ fn devices_and_pipes_are_not_read() {
     }
 }
 
-/// What a camera is depends on the images: a lens that folds within them is told when the folder is opened.
+/// A lens that folds within the images is reported when the folder is opened.
 #[test]
 fn a_lens_that_folds_is_told_before_the_first_frame() {
     let f = Folder::tum("x", 3);

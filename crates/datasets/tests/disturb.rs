@@ -1,4 +1,4 @@
-//! Laws of disturbances.
+//! Properties of disturbances.
 
 use crate::scripted::{SIZE, Script, script};
 use proptest::prelude::*;
@@ -44,7 +44,7 @@ proptest! {
                     let fits = match what {
                         Disturbance::Black => *now == 0,
                         Disturbance::Covered => (2..=6).contains(now),
-                        // One grey level is its own mean.
+                        // A uniform image is its own mean.
                         Disturbance::Blurred(_) | Disturbance::NoDepth | Disturbance::HalfDepth => now == was,
                         Disturbance::Saturated => *now == 255,
                         Disturbance::Exposure(g) => {

@@ -32,8 +32,8 @@ proptest! {
         let _ = (read_gray(&path), read_colour(&path), read_depth(&path, 5000.0));
     }
 
-    /// Whatever a text file of a data set holds, there is a data set or an error that names the file or its folder, and where it is
-    /// about a line, that line of that file.
+    /// Any contents of a text file give a data set, or an error that names the file or its folder and, where it concerns a line, a line of
+    /// that file.
     #[test]
     fn mutated_folders_never_panic_and_errors_name_the_place(
         file in prop::sample::select(vec![
@@ -68,7 +68,7 @@ proptest! {
             prop_assert!(e.path().starts_with(&f.path), "{e}");
             if let Some(line) = e.line() {
                 prop_assert!(e.path().ends_with(file), "{e}");
-                // What is missing at the end is missing on the line after the last one.
+                // A missing line at the end is reported after the last one.
                 prop_assert!((1..=lines + 1).contains(&line), "{e}: line {line} of {lines}");
                 let place = format!("{file}:{line}");
                 prop_assert!(e.to_string().contains(&place), "{e}");
@@ -77,7 +77,7 @@ proptest! {
     }
 }
 
-/// What `camera.txt` of the small data set says, as a camera file.
+/// The small data set's `camera.txt` as a TOML camera file.
 fn camera_toml() -> String {
     "width = 32\nheight = 24\nfx = 30.0\nfy = 30.0\ncx = 16.0\ncy = 12.0\ndepth_scale = 5000.0\n"
         .to_owned()

@@ -87,7 +87,7 @@ fn associations_jpeg_and_webp() {
 #[test]
 fn depth_first_with_seconds_is_not_icl_nuim() {
     let f = Folder::tum("x", 3);
-    // Without depth.txt the associations are taken.
+    // Without depth.txt the associations are used.
     f.remove("depth.txt");
     f.text("associations.txt", "0.005 depth/0.png 0.0 rgb/0.png\n");
     let d = f.open();
@@ -111,7 +111,7 @@ fn camera_choices_come_before_guesses() {
     assert_eq!(d.camera().name, "mine");
     assert_eq!(d.camera().camera.distortion.p1, 0.003);
     assert!(!d.guesses().iter().any(|g| g.starts_with("camera")));
-    // A camera.toml in the folder wins over camera.txt.
+    // A camera.toml in the folder overrides camera.txt.
     std::fs::copy(f.path.join("my.toml"), f.path.join("camera.toml")).unwrap();
     assert_eq!(f.open().camera().name, "mine");
 }
@@ -153,14 +153,14 @@ fn icl_nuim_by_its_associations() {
         gt[1].world_from_camera.translation,
         Vec3::new(1.0, -2.0, 3.0)
     );
-    // Without the list, the numbers of the files pair them.
+    // Without the list, the file numbers determine the pairs.
     f.remove("associations.txt");
     f.remove("depth/2.png");
     let c = f.open().counts();
     assert_eq!((c.frames, c.unmatched_colour), (2, 1));
 }
 
-/// Numbered images alone are nobody's.
+/// Numbered images alone do not imply a camera.
 #[test]
 fn numbered_images_ask_for_their_camera() {
     let f = Folder::tum("mine", 3);
@@ -181,7 +181,7 @@ fn numbered_images_ask_for_their_camera() {
         truth[0].world_from_camera.translation,
         Vec3::new(1.0, 2.0, 3.0)
     );
-    // The user's word, which is refused for the size of the images.
+    // The user's choice is rejected for the size of the images.
     let named = OpenOptions {
         camera: Some(CameraChoice::from_argument("icl_nuim")),
         ..OpenOptions::default()
@@ -193,7 +193,7 @@ fn numbered_images_ask_for_their_camera() {
     );
 }
 
-/// As phones have it: nothing in a folder says that the view is the same.
+/// As from phones: nothing in a folder states that the view is the same.
 #[test]
 fn depth_in_fewer_pixels_is_refused_with_what_to_do() {
     let f = Folder::tum("phone", 2);
@@ -329,14 +329,14 @@ fn a_recording_reads_back() {
                 .max();
             assert!(worst.unwrap() <= if format == ColourFormat::Png { 0 } else { 12 });
             for (a, b) in found.depth.data().iter().zip(expected.depth.data()) {
-                // Beyond 13.1 m nothing fits.
+                // Depths beyond 13.1 m are dropped.
                 let b = if *b > 13.1068 { 0.0 } else { *b };
                 assert!((a - b).abs() <= 1.01e-4, "{a} {b}");
             }
         }
         let gt = d.ground_truth().unwrap().unwrap();
         assert!((gt[2].world_from_camera.inverse() * pose(2)).log().norm() < 1e-8);
-        // A folder in use is left alone.
+        // An existing folder is not changed.
         let e = Recorder::create(&path, &camera, "x", format).unwrap_err();
         assert!(e.to_string().contains("new or empty folder"), "{e}");
     }

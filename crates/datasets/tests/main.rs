@@ -1,6 +1,6 @@
-//! Data sets as they lie on disk, good and bad.
+//! Tests of valid and invalid data sets.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise helpers as tests.
 
 mod bad_input;
 mod common;

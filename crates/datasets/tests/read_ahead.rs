@@ -1,4 +1,4 @@
-//! Reading ahead, with a source that follows a script.
+//! Reading ahead, with a scripted source.
 
 use crate::layouts::frame;
 use std::sync::Arc;
@@ -46,7 +46,7 @@ fn scripted(script: &str) -> (Scripted, Arc<AtomicUsize>) {
     )
 }
 
-/// What comes out: `f`, `r`, or the message of the error that ends the stream.
+/// The output: `f`, `r`, or the message of the error that ends the stream.
 fn drain(mut source: impl FrameSource) -> Vec<String> {
     let mut all = Vec::new();
     while let Some(item) = source.next_frame() {
@@ -86,7 +86,7 @@ fn read_ahead_is_bounded_and_stops_when_dropped() {
     let mut ahead = ReadAhead::with_capacity(source, 3);
     ahead.next_frame().unwrap().unwrap();
     drop(ahead);
-    // One taken, three ready, one or two in the hands of the thread; the rest was never read.
+    // One taken, three ready, one or two in progress; the rest was never read.
     let n = read.load(Ordering::SeqCst);
     assert!((1..=6).contains(&n), "{n}");
 }

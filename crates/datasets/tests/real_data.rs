@@ -1,4 +1,4 @@
-//! Real sequences, where they are.
+//! Real sequences, if available.
 
 use stillpoint_datasets::{Dataset, FrameOptions, Layout, OpenOptions, ReadAhead};
 use stillpoint_imaging::FrameSource;

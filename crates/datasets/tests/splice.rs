@@ -1,4 +1,4 @@
-//! Laws of splices, and the kidnapped half of a real recording.
+//! Properties of splices, and a kidnapped camera from a real recording.
 
 use crate::scripted::{PERIOD, SIZE, Script, script};
 use proptest::prelude::*;
@@ -6,7 +6,7 @@ use stillpoint_datasets::{Clip, Dataset, FrameOptions, OpenOptions, Part, Splice
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_imaging::{FrameId, FrameSource, GrayImage, RgbdFrame, SourceError};
 
-/// A part that is to be played: a recording with skip and take, or black frames.
+/// A part to play: a recording with skip and take, or black frames.
 #[derive(Clone, Debug)]
 enum Plan {
     Frames(Script, usize, Option<usize>),
@@ -142,7 +142,7 @@ proptest! {
         let truth = splice.ground_truth();
         prop_assert!(truth.windows(2).all(|w| w[0].stamp < w[1].stamp));
         for frame in &frames {
-            // Frame and truth are stamped alike, so that what was equal is equal to the last bit.
+            // Frame and truth have equal stamps, so that equal poses stay equal to the last bit.
             let found = truth.iter().find(|p| p.stamp == frame.stamp).map(|p| p.world_from_camera);
             let expected = splice.origin(frame.id).map(|origin| match &plans[origin.part] {
                 Plan::Frames(script, ..) => script.pose(origin.id.0 as usize),
@@ -281,7 +281,7 @@ fn truth_between_frames_stays_between_them_and_outside_is_left_out() {
     );
 }
 
-/// The second half of a real recording, a second of darkness, the first half: the kidnapped camera.
+/// The second half of a real recording, a second of darkness, then the first half: a kidnapped camera.
 #[test]
 fn halves_of_a_real_recording_in_the_other_order() {
     let Some(path) = stillpoint_testdata::recording("fr1_xyz") else {

@@ -1,7 +1,7 @@
-//! What came to stand where space was free: somebody who sat down, a thing that was put there.
+//! Surfaces that appear in formerly free space, such as a person who sat down or an object that was put there.
 //!
-//! Answers per piece of the image whether a surface has to wait. For tracking it stands still, and is used; a map that is used for longer than
-//! somebody sits takes it in once it has stood for some time.
+//! Decides per patch of the image whether the surface is withheld from the map. Tracking uses it at once, as it stands still; the map lives
+//! longer than a person sits, and takes it in only after it has been seen for some time.
 
 use crate::cells::{Cells, Vec3i};
 use crate::observation::{MOVER_PX, Observation, PER_METRE};
@@ -9,25 +9,23 @@ use crate::pixels::Pixels;
 use crate::volume::Volume;
 use stillpoint_geometry::{Camera, Se3, Vec3};
 
-/// A piece of the image, `MOVER_PX` pixels wide, whose surface waits.
+/// A patch of the image, `MOVER_PX` pixels wide, whose surface is withheld.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Piece {
     x: usize,
     y: usize,
-    /// Depth in its middle, in units of the observation.
+    /// Depth at its centre, in units of the observation.
     depth: u16,
 }
 
-/// Those of one frame.
 #[derive(Default)]
 pub(crate) struct Arrivals {
     pieces: Vec<Piece>,
-    /// Their cells, each once.
     cells: Vec<[i32; 3]>,
 }
 
 impl Arrivals {
-    /// Looks for surfaces in cells that were surely free, where the volume has none.
+    /// Finds surfaces in cells that were certainly free and where the volume has no surface.
     pub(crate) fn find(
         &mut self,
         seen: &Observation,
@@ -63,13 +61,12 @@ impl Arrivals {
         self.cells.dedup();
     }
 
-    /// The cells in which something waits.
     pub(crate) fn cells(&self) -> &[[i32; 3]] {
         &self.cells
     }
 
-    /// Takes from the pixels of these surfaces what makes a surface: space before them is free all the same. Pixels around a piece go
-    /// with it where they have its depth.
+    /// Clears the surface weight of these pixels; the space before them stays free. Pixels around a patch are included where they have its
+    /// depth.
     pub(crate) fn take_out(&self, width: usize, height: usize, pixels: &mut Pixels) {
         for piece in &self.pieces {
             let near = f32::from(piece.depth) * 0.03 + 0.05 * PER_METRE;

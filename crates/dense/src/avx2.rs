@@ -1,4 +1,4 @@
-//! AVX2 kernels of this crate, each the twin of a scalar function that gives the same bits. The only unsafe code of the crate.
+//! AVX2 kernels, each bit-identical to a scalar twin. The only unsafe code of the crate on x86-64.
 #![allow(unsafe_code)]
 
 use std::arch::x86_64::*;
@@ -9,20 +9,20 @@ use crate::pixels::{GAP, NO_GAP, Row, RowOut, fill_row_scalar};
 use crate::voxels::{LEAST_MIX, MOST_WEIGHT, NEAR, Placed, SEEN_THROUGH, Sight};
 use stillpoint_imaging::Simd;
 
-/// Every entry calls this, so that no instruction runs on a machine that lacks it. The detection is cached by the standard library.
+/// Panics on a machine without AVX2. Called at every entry; the standard library caches the detection.
 #[inline]
 fn check() {
     assert!(Simd::Avx2.has_avx2(), "AVX2 kernel called without AVX2");
 }
 
-/// Twin of [`fill_row_scalar`]: the same code, compiled to wider vectors. No operations are fused, so the bits are the same.
+/// Twin of [`fill_row_scalar`]: the same code compiled for wider vectors. No operations are fused, so that the bits are the same.
 pub(crate) fn fill_row(row: &Row<'_>, out: &mut RowOut<'_>) -> [u16; 2] {
     #[target_feature(enable = "avx2")]
     fn wide(row: &Row<'_>, out: &mut RowOut<'_>) -> [u16; 2] {
         fill_row_scalar(row, out)
     }
     check();
-    // SAFETY: `check` has seen that the machine has AVX2.
+    // SAFETY: `check` verified that the machine has AVX2.
     unsafe { wide(row, out) }
 }
 
@@ -38,11 +38,10 @@ pub(crate) fn update(sight: &Sight<'_>, placed: &Placed, block: &mut Block) -> b
             && pixels < i32::MAX as usize,
         "images are smaller than they are said to be"
     );
-    // SAFETY: `check` has seen that the machine has AVX2; the images are as large as the kernel takes them for.
+    // SAFETY: `check` verified that the machine has AVX2; the images have the size that the kernel assumes.
     unsafe { update_kernel(sight, placed, block) }
 }
 
-/// Values that are the same for all rows.
 struct Constants {
     fx: __m256,
     fy: __m256,
@@ -92,7 +91,7 @@ unsafe fn update_kernel(sight: &Sight<'_>, placed: &Placed, block: &mut Block) -
     for row in 0..SIDE * SIDE {
         let first = placed.row(row % SIDE, row / SIDE);
         let start = SIDE * row;
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let Some(seen) = (unsafe { look(sight, &c, first) }) else {
             continue;
         };
@@ -101,7 +100,7 @@ unsafe fn update_kernel(sight: &Sight<'_>, placed: &Placed, block: &mut Block) -
         };
         any = true;
         let learnt = average(&c, &seen, &lanes, block, start);
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         unsafe {
             paint(
                 sight,
@@ -115,12 +114,11 @@ unsafe fn update_kernel(sight: &Sight<'_>, placed: &Placed, block: &mut Block) -
     any
 }
 
-/// What a row's voxels see.
 struct Seen {
     u: __m256i,
     v: __m256i,
     pixel: __m256i,
-    /// Of voxels that see anything no farther behind it than the truncation.
+    /// Mask of voxels with a measured pixel and at most the truncation behind its surface.
     near: __m256,
     distance: __m256,
 }
@@ -166,7 +164,7 @@ unsafe fn look(sight: &Sight<'_>, c: &Constants, [x, y, z]: [f32; 3]) -> Option<
     let depth = _mm256_and_si256(pixel, _mm256_set1_epi32(0xffff));
     let metres = _mm256_mul_ps(_mm256_cvtepi32_ps(depth), _mm256_set1_ps(1.0 / PER_METRE));
     let distance = _mm256_sub_ps(metres, pz);
-    // Lanes that are masked out have a pixel of zero.
+    // Masked lanes have a pixel of zero.
     let measured = _mm256_cmpgt_epi32(depth, _mm256_setzero_si256());
     let near = _mm256_cmp_ps::<_CMP_GE_OQ>(distance, c.minus_truncation);
     let near = _mm256_and_ps(near, _mm256_castsi256_ps(measured));
@@ -179,15 +177,13 @@ unsafe fn look(sight: &Sight<'_>, c: &Constants, [x, y, z]: [f32; 3]) -> Option<
     })
 }
 
-/// Which voxels of a row learn, and what.
+/// Which voxels of a row are updated, and with what.
 struct Lanes {
     /// Near a surface.
     band: __m256,
     /// Near a surface, or seen through.
     learns: __m256,
-    /// The weight of the pixel.
     seen: __m256i,
-    /// Weight and distance before.
     known: __m256,
     old: __m256,
 }
@@ -247,7 +243,6 @@ fn sort(c: &Constants, s: &Seen, block: &mut Block, start: usize) -> Option<Lane
     })
 }
 
-/// Writes the distances of a row, which are whole numbers.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn store_distances(distances: __m256, block: &mut Block, start: usize) {
@@ -261,15 +256,12 @@ fn store_distances(distances: __m256, block: &mut Block, start: usize) {
     unsafe { _mm_storeu_si128(window.as_mut_ptr().cast(), _mm_packs_epi32(low, high)) };
 }
 
-/// What became of a row.
 struct Learnt {
-    /// The share of what is new.
     mix: __m256,
-    /// What was inside of a surface, and is free.
+    /// Voxels that changed from inside a surface to free.
     freed: __m256,
 }
 
-/// Brings distances and weights of a row up to date.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn average(c: &Constants, s: &Seen, lanes: &Lanes, block: &mut Block, start: usize) -> Learnt {
@@ -314,7 +306,7 @@ fn average(c: &Constants, s: &Seen, lanes: &Lanes, block: &mut Block, start: usi
     Learnt { mix, freed }
 }
 
-/// Brings colours and counts of a row up to date.
+/// Updates colours and counts of a row.
 ///
 /// # Safety
 /// `sight.colours` has one entry for every `COLOUR_PX` pixels.
@@ -361,7 +353,6 @@ unsafe fn paint(sight: &Sight<'_>, s: &Seen, lanes: &Lanes, learnt: &Learnt, col
 
 const _: () = assert!(COLOUR_PX == 4, "coordinates are shifted by two bits");
 
-/// Colours on their way from one to another.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn mixed(old: __m256i, new: __m256i, mix: __m256) -> __m256i {

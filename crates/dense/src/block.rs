@@ -1,24 +1,19 @@
-//! Cubes of 8x8x8 voxels, and where they lie in memory.
-//!
-//! Answers: the block at a place of the world, at once; all blocks, in the order of their keys. No result depends on the order of a hash:
-//! the table is only asked, never walked through.
+//! Blocks of 8x8x8 voxels and their storage: a hash table of keys, and iteration in key order. The table is never iterated, so that no
+//! result depends on hash order.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// Voxels along a side of a block.
 pub(crate) const SIDE: usize = 8;
-/// Voxels of a block.
 pub(crate) const VOXELS: usize = SIDE * SIDE * SIDE;
-/// What a distance of one truncation is stored as.
+/// Stored value of a distance of one truncation.
 pub(crate) const FULL: f32 = 32767.0;
 
-/// Place of a block: its first voxel is at `8 * key * voxel` m. In the order of z, y, x.
+/// Position of a block: its first voxel is at `8 * key * voxel` m. Ordered by z, y, x.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Key(pub(crate) [i32; 3]);
 
 impl Key {
-    /// From x, y, z.
     pub(crate) fn new(x: i32, y: i32, z: i32) -> Self {
         Self([z, y, x])
     }
@@ -28,7 +23,6 @@ impl Key {
         [x, y, z]
     }
 
-    /// The block so many blocks farther.
     pub(crate) fn moved(self, dx: i32, dy: i32, dz: i32) -> Self {
         let [x, y, z] = self.xyz();
         Self::new(
@@ -39,15 +33,15 @@ impl Key {
     }
 }
 
-/// 8x8x8 voxels; voxel (x, y, z) is entry `(8 z + y) 8 + x`, so that a row along x lies together.
+/// 8x8x8 voxels; voxel (x, y, z) is entry `(8 z + y) 8 + x`, so that a row along x is contiguous.
 #[repr(C, align(64))]
 #[derive(Clone, PartialEq, Eq)]
 pub(crate) struct Block {
     /// Signed distance to the surface, positive on the camera's side, as a share of the truncation: `FULL` is one.
     pub(crate) distance: [i16; VOXELS],
-    /// How much is known of it; 0: nothing, or where the distance is `FULL` no more than that it was seen through.
+    /// Integration weight; 0: unobserved, or free space only where the distance is `FULL`.
     pub(crate) weight: [u16; VOXELS],
-    /// Red, green and blue from the lowest byte up, then how many frames saw a surface here, less those that saw through.
+    /// Red, green and blue from the lowest byte up, then the number of frames that saw a surface here, minus those that saw through it.
     pub(crate) colour: [u32; VOXELS],
 }
 
@@ -64,25 +58,25 @@ impl Block {
         self.weight[voxel] == 0 && self.distance[voxel] == FULL as i16
     }
 
-    /// Whether a voxel may be a corner of the surface: what is inside of it was seen in so many frames, what is outside once.
+    /// Whether a voxel may be a corner of the surface: inside it needs this many frames, outside one.
     #[inline]
     pub(crate) fn is_known(&self, voxel: usize, min_seen: u32) -> bool {
         let outside = self.distance[voxel] >= 0;
         self.weight[voxel] > 0 && (outside || self.colour[voxel] >> 24 >= min_seen)
     }
 
-    /// Whether nothing is in it that is inside of a surface.
+    /// Whether no voxel is inside of a surface.
     pub(crate) fn is_outside(&self) -> bool {
         let inside = |(d, w): (&i16, &u16)| (*w > 0) & (*d < 0);
         !self.distance.iter().zip(&self.weight).any(inside)
     }
 }
 
-/// Multiplies and mixes: keys are small numbers, and nobody chooses them to harm.
+/// A fast hash: keys are small integers and not hostile.
 #[derive(Default)]
 pub(crate) struct KeyHasher(u64);
 
-/// By key; asked for keys and never walked through.
+/// Used for look-ups only, never iterated.
 pub(crate) type KeyMap<T> = HashMap<Key, T, BuildHasherDefault<KeyHasher>>;
 
 impl Hasher for KeyHasher {
@@ -107,7 +101,7 @@ impl Hasher for KeyHasher {
     fn write_usize(&mut self, _: usize) {}
 }
 
-/// Blocks that are allocated together, so that growing moves none.
+/// Number of blocks allocated at once, so that growing moves none.
 const CHUNK: usize = 64;
 
 impl Default for Block {
@@ -116,15 +110,15 @@ impl Default for Block {
     }
 }
 
-/// All blocks, of voxels or of what else comes in cubes of 8x8x8.
+/// All blocks, of voxels or of other 8x8x8 data.
 pub(crate) struct Blocks<B = Block> {
     table: KeyMap<u32>,
     chunks: Vec<Box<[B]>>,
-    /// By number; of blocks that are not in use, what was there.
+    /// By block number; stale for unused blocks.
     keys: Vec<Key>,
     used: Vec<bool>,
     free: Vec<u32>,
-    /// Of the blocks from the first on, how many hold what others left there before they are taken.
+    /// Number of leading blocks with stale contents, which are cleared before use.
     stale: usize,
 }
 
@@ -146,7 +140,7 @@ impl<B: Clone + Default> Blocks<B> {
         self.table.len()
     }
 
-    /// The number of the block at a place.
+    /// The number of the block at a position.
     pub(crate) fn find(&self, key: Key) -> Option<usize> {
         self.table.get(&key).map(|n| *n as usize)
     }
@@ -163,7 +157,7 @@ impl<B: Clone + Default> Blocks<B> {
         self.find(key).map(|n| self.get(n))
     }
 
-    /// The number of the block at a place, which is made if there is none.
+    /// The number of the block at a position, which is created if missing.
     pub(crate) fn find_or_make(&mut self, key: Key) -> usize {
         if let Some(number) = self.find(key) {
             return number;
@@ -186,7 +180,6 @@ impl<B: Clone + Default> Blocks<B> {
         number
     }
 
-    /// Gives a block back.
     pub(crate) fn remove(&mut self, number: usize) {
         if !std::mem::replace(&mut self.used[number], false) {
             return;
@@ -196,7 +189,7 @@ impl<B: Clone + Default> Blocks<B> {
         self.free.push(number as u32);
     }
 
-    /// Numbers and keys of all blocks within a box of keys (both ends included), in the order of their numbers.
+    /// Numbers and keys of all blocks within a box of keys (inclusive), ordered by number.
     pub(crate) fn within(
         &self,
         [least, most]: [[i32; 3]; 2],
@@ -221,7 +214,6 @@ impl<B: Clone + Default> Blocks<B> {
         sorted
     }
 
-    /// Memory held, bytes.
     pub(crate) fn bytes(&self) -> usize {
         let entry = size_of::<(Key, u32)>() + 1;
         self.chunks.len() * CHUNK * size_of::<B>()
@@ -230,7 +222,7 @@ impl<B: Clone + Default> Blocks<B> {
     }
 }
 
-/// With the blocks in the order of their keys, whatever was made and given back before.
+/// Copies the blocks in the order of their keys, independent of the history.
 impl<B: Clone + Default> Clone for Blocks<B> {
     fn clone(&self) -> Self {
         let mut copy = Self::default();
@@ -238,7 +230,6 @@ impl<B: Clone + Default> Clone for Blocks<B> {
         copy
     }
 
-    /// Keeps the memory that it has.
     fn clone_from(&mut self, source: &Self) {
         self.stale = CHUNK * self.chunks.len();
         self.table.clear();
@@ -274,13 +265,13 @@ mod tests {
             (blocks.len(), blocks.at(Key::new(0, 0, 0)).is_none()),
             (3, true)
         );
-        // Its memory is used again, and is empty.
+        // The block is reused and cleared.
         let again = blocks.find_or_make(Key::new(9, 9, 9));
         assert_eq!((again, blocks.get(again).weight[0]), (gone, 0));
         let copy = blocks.clone();
         assert_eq!(copy.len(), 4);
         assert!(copy.sorted().iter().map(|p| p.1).eq(0..4));
-        // One that took more before is the same, in its own memory.
+        // A copy into a larger one is equal, and reuses its memory.
         let mut other = Blocks::<Block>::default();
         for x in 0..70 {
             let n = other.find_or_make(Key::new(x, 1, 0));

@@ -1,8 +1,9 @@
-//! A dense map as bytes and back: what rides in a map file.
+//! Serialises a dense map, as stored in a map file.
 //!
-//! Little-endian: `SPDENSE2`; voxel, truncation, side of a cell, farthest depth (doubles); number of blocks of voxels and of cells (4 each); the
-//! blocks by key: z, y, x (4 each), then 512 distances (2 each), weights (2 each) and colours (4 each); the same with counts of frames that
-//! were free and crossed in, and how long something that arrived was seen, hundredths of a second (2 each).
+//! Little-endian: `SPDENSE2`; voxel, truncation, side of a cell, farthest depth (doubles); number of blocks of voxels and of cells (4
+//! each); the blocks by key: z, y, x (4 each), then 512 distances (2 each), weights (2 each) and colours (4 each); likewise the cells, with
+//! counts of frames in which they were free and crossed, and the time for which an arrived surface was seen, hundredths of a second (2
+//! each).
 
 use crate::block::{Block, Blocks, Key, VOXELS};
 use crate::cells::CellBlock;
@@ -15,25 +16,25 @@ const HEAD: usize = 8 + 4 * 8 + 2 * 4;
 const BLOCK: usize = 12 + 8 * VOXELS;
 const CELLS: usize = 12 + 6 * VOXELS;
 
-/// Why bytes are no dense map.
+/// Why bytes are not a dense map.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DenseBytesError {
-    /// They begin otherwise.
+    /// Wrong signature.
     #[error(
         "expected a dense map (SPDENSE2), found other bytes; fuse the recording again with --dense"
     )]
     Kind,
-    /// They are too few or too many.
+    /// Wrong size.
     #[error(
         "expected a dense map of {expected} bytes, found {found}; it is damaged: fuse the recording again with --dense"
     )]
     Length {
-        /// By what their head says.
+        /// By the header.
         expected: u64,
-        /// Of them.
+        /// Number of bytes.
         found: u64,
     },
-    /// A value that no dense map has.
+    /// An impossible value.
     #[error(
         "expected a dense map, found {0}; it is damaged: fuse the recording again with --dense"
     )]
@@ -41,10 +42,10 @@ pub enum DenseBytesError {
 }
 
 impl DenseMap {
-    /// The name of the extension of map files that it is kept in.
+    /// Name of the extension in map files.
     pub const EXTENSION: &'static str = "stillpoint/dense";
 
-    /// All of it; the same map gives the same bytes.
+    /// Serialises the map; equal maps give equal bytes.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let (voxels, cells) = (self.volume.blocks.sorted(), self.cells.blocks.sorted());
@@ -74,10 +75,10 @@ impl DenseMap {
         out
     }
 
-    /// Reads it. Memory and time are in proportion to the bytes.
+    /// Deserialises a map. Memory and time are proportional to the bytes.
     ///
     /// # Errors
-    /// [`DenseBytesError`], whatever the bytes are.
+    /// [`DenseBytesError`] for any invalid bytes.
     pub fn from_bytes(bytes: &[u8], simd: Simd) -> Result<Self, DenseBytesError> {
         if !bytes.starts_with(MAGIC) || bytes.len() < HEAD {
             return Err(DenseBytesError::Kind);
@@ -122,7 +123,6 @@ impl DenseMap {
     }
 }
 
-/// Bytes whose number was checked.
 struct Reader<'a>(&'a [u8]);
 
 impl Reader<'_> {
@@ -144,7 +144,7 @@ impl Reader<'_> {
         f64::from_le_bytes(self.take())
     }
 
-    /// The block of the key that comes next, which is after the last one.
+    /// Reads the block of the next key, which must follow the last one.
     fn block<'b, B: Clone + Default>(
         &mut self,
         last: &mut Option<Key>,

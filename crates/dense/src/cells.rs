@@ -1,6 +1,6 @@
-//! The coarse grid: which cells were seen to be free, and which were crossed by what moves.
+//! The coarse grid: counts of frames in which cells were free, and crossed by moving objects.
 //!
-//! Answers in counts of frames. Where surfaces are, the volume knows better; both together say whether a cell is occupied, free or unknown.
+//! Occupied cells come from the volume; both together classify a cell as occupied, free or unknown.
 
 use crate::block::{Blocks, Key, SIDE, VOXELS};
 use crate::observation::{MOVER_PX, Observation, PER_METRE};
@@ -8,17 +8,17 @@ use crate::pixels::{GAP, NO_GAP, Pixels};
 use crate::touch::{Stand, bounds, origin};
 use stillpoint_geometry::{Vec3, nalgebra::Vector3};
 
-/// A cell by its number along each axis.
+/// A cell by its index along each axis.
 pub(crate) type Vec3i = Vector3<i32>;
 
 /// 8x8x8 cells, in the order of a block's voxels.
 #[derive(Clone, PartialEq, Eq)]
 pub(crate) struct CellBlock {
-    /// Frames that saw all of the cell's depth to be free.
+    /// Number of frames in which the whole depth of the cell was free.
     pub(crate) free: [u16; VOXELS],
-    /// Frames in which something that moves was in it.
+    /// Number of frames with a moving object in the cell.
     pub(crate) crossed: [u16; VOXELS],
-    /// For how long a surface was seen in it that came when it was free, since it was free last, hundredths of a second.
+    /// Time for which a surface was seen that appeared in the free cell, since it was last free, hundredths of a second.
     pub(crate) arrived: [u16; VOXELS],
 }
 
@@ -32,26 +32,24 @@ impl Default for CellBlock {
     }
 }
 
-/// The grid.
 #[derive(Clone)]
 pub(crate) struct Cells {
     pub(crate) blocks: Blocks<CellBlock>,
-    /// Side of a cell, m.
     pub(crate) side: f64,
 }
 
-/// A cell was surely free that so many frames saw to be.
+/// Number of free observations from which a cell counts as certainly free.
 const SURELY_FREE: u16 = 4;
-/// What came to stand in such a cell is part of the room when it was seen to stand for so long, hundredths of a second. Who sits down, sits for longer at
-/// times; who waits does not, mostly.
+/// Time after which a surface in such a cell becomes part of the map, hundredths of a second. Seated people stay longer at times; standing
+/// ones mostly leave earlier.
 const STANDS: u16 = 1000;
 
-/// The camera and the motion of a step along each axis of the world.
+/// The camera, and the step along each axis of the world.
 struct View<'a> {
     pixels: &'a Pixels,
     camera: [f32; 4],
     size: [usize; 2],
-    /// What lies between a cell's middle and its far corner, m.
+    /// From a cell's centre to its farthest corner, m.
     margin: f32,
     farthest: f32,
 }
@@ -64,7 +62,7 @@ impl Cells {
         }
     }
 
-    /// Takes what a frame saw: `pixels` are those of `seen`; surfaces to `max_depth` m count, and so does the space before them.
+    /// Integrates a frame: `pixels` are those of `seen`; uses surfaces up to `max_depth` m and the free space before them.
     pub(crate) fn integrate(
         &mut self,
         seen: &Observation,
@@ -121,7 +119,7 @@ impl Cells {
         }
     }
 
-    /// Counts each cell once that something that moves is in.
+    /// Counts the cells with moving objects, each once per frame.
     fn cross(&mut self, seen: &Observation, stand: &Stand<'_>) {
         let c = stand.camera;
         let w = seen.mover_width();
@@ -144,14 +142,14 @@ impl Cells {
         }
     }
 
-    /// Whether a surface in this cell has to wait: the cell was free, and it has not stood there for long.
+    /// Whether a surface in this cell is withheld: the cell was free, and the surface is too recent.
     pub(crate) fn waits(&self, at: [i32; 3]) -> bool {
         let (key, index) = place(at);
         let block = self.blocks.at(key);
         block.is_some_and(|b| b.free[index] >= SURELY_FREE && b.arrived[index] < STANDS)
     }
 
-    /// Notes that surfaces waited in these cells for so many hundredths of a second more.
+    /// Adds observation time, in hundredths of a second, to withheld surfaces in these cells.
     pub(crate) fn arrive(&mut self, cells: &[[i32; 3]], elapsed: u16) {
         for at in cells {
             let (key, index) = place(*at);
@@ -161,15 +159,14 @@ impl Cells {
         }
     }
 
-    /// How often a cell was seen to be free, and crossed by what moves.
+    /// Number of frames in which a cell was free, and crossed.
     pub(crate) fn counts(&self, at: [i32; 3]) -> [u16; 2] {
         let (key, index) = place(at);
         let block = self.blocks.at(key);
         block.map_or([0; 2], |b| [b.free[index], b.crossed[index]])
     }
 
-    /// Calls `f` with each cell that something is known of: its number along each axis, in how many frames it was free, and in how many
-    /// something that moves was in it.
+    /// Calls `f` with each observed cell: its index along each axis, and the numbers of frames in which it was free, and crossed.
     pub(crate) fn for_each(&self, mut f: impl FnMut(Vec3i, u16, u16)) {
         for (key, number) in self.blocks.sorted() {
             let block = self.blocks.get(number);
@@ -184,13 +181,12 @@ impl Cells {
         }
     }
 
-    /// Memory held, bytes.
     pub(crate) fn bytes(&self) -> usize {
         self.blocks.bytes()
     }
 }
 
-/// The block of a cell, and its number in there.
+/// The block of a cell, and its index in the block.
 fn place(at: [i32; 3]) -> (Key, usize) {
     let side = SIDE as i32;
     let [x, y, z] = at.map(|v| v.div_euclid(side));
@@ -206,7 +202,6 @@ fn count(counts: &mut [u16; VOXELS], marks: &[u64; SIDE]) {
     }
 }
 
-/// What was in a cell that is free has left.
 fn leave(arrived: &mut [u16; VOXELS], marks: &[u64; SIDE]) {
     for (layer, bits) in arrived.chunks_exact_mut(SIDE * SIDE).zip(marks) {
         for (i, count) in layer.iter_mut().enumerate() {
@@ -216,7 +211,7 @@ fn leave(arrived: &mut [u16; VOXELS], marks: &[u64; SIDE]) {
 }
 
 impl View<'_> {
-    /// Whether any cell of a block can be in the image and near enough; `first` is the middle of its first one.
+    /// Whether any cell of a block may be in the image and near enough; `first` is the centre of its first one.
     fn may_see(&self, first: &Vec3, turn: &stillpoint_geometry::Mat3) -> bool {
         let half = (SIDE as f64 - 1.0) / 2.0;
         let middle = first + turn * Vec3::repeat(half);
@@ -224,7 +219,7 @@ impl View<'_> {
         if middle.z + radius < 0.1 || middle.z - radius > f64::from(self.farthest) {
             return false;
         }
-        // Distances to the four planes of the view.
+        // Distances to the four planes of the view frustum.
         let [fx, fy, cx, cy] = self.camera.map(f64::from);
         let [w, h] = self.size.map(|v| v as f64);
         let beside = |v: f64, f: f64, low: f64, high: f64| {
@@ -235,7 +230,7 @@ impl View<'_> {
         !beside(middle.x, fx, cx, w - cx) && !beside(middle.y, fy, cy, h - cy)
     }
 
-    /// Marks the cells of a block that are free; whether there is one.
+    /// Marks the free cells of a block; returns whether there are any.
     fn free(&self, first: [f32; 3], steps: &[[f32; 3]; 3], marks: &mut [u64; SIDE]) -> bool {
         let mut any = 0;
         let [fx, fy, cx, cy] = self.camera;

@@ -1,19 +1,19 @@
-//! What a volume and its subscriber are set to.
+//! Settings of the dense map.
 
 /// Settings of the dense map. All lengths in metres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DenseConfig {
-    /// Distance between voxels, m. Range: 0.005 to 0.2. 2 cm shows furniture and is what a depth camera measures reliably to 3 m.
+    /// Voxel size, m. Range: 0.005 to 0.2. 2 cm shows furniture and is the precision of a depth camera up to 3 m.
     pub voxel: f64,
-    /// Farthest depth that makes a surface, m. Range: 0.5 to 8. A Kinect errs by 2.6 cm at 4 m (Nguyen et al., 2012) and by more beyond.
+    /// Maximum depth that is fused, m. Range: 0.5 to 8. A Kinect errs by 2.6 cm at 4 m (Nguyen et al., 2012) and by more beyond.
     pub max_depth: f64,
-    /// Nearest depth that is believed, m. Range: 0.01 to 2.
+    /// Minimum depth that is used, m. Range: 0.01 to 2.
     pub min_depth: f64,
-    /// Frames that are integrated are at least this far apart, s. Range: 0 to 10. 15 frames per second see every surface often, at half the cost.
+    /// Minimum time between integrated frames, s. Range: 0 to 10. 15 frames per second see every surface often, at half the cost.
     pub interval: f64,
-    /// Memory that kept frames may take, bytes. Beyond it the oldest give up their depth.
+    /// Memory for kept frames, bytes. Beyond it the oldest drop their depth.
     pub depth_budget: usize,
-    /// Kept frames that may be integrated again per event while a correction is carried out.
+    /// Maximum number of kept frames that are re-integrated per event during a correction.
     pub rebuild_per_event: usize,
     /// Side of the cells of the coarse grid, m. Range: 0.02 to 0.5.
     pub cell: f64,
@@ -47,7 +47,7 @@ impl DenseConfig {
     /// Checks all ranges.
     ///
     /// # Errors
-    /// The first setting that is out of range.
+    /// The first setting out of range.
     pub fn validate(&self) -> Result<(), DenseConfigError> {
         for (name, found, least, most) in [
             ("voxel", self.voxel, 0.005, 0.2),
@@ -68,7 +68,7 @@ impl DenseConfig {
         Ok(())
     }
 
-    /// How far behind and before a surface its distance is stored, m: four voxels, and never less than what depth errs by.
+    /// Truncation distance, m: four voxels, and at least the depth error.
     #[must_use]
     pub fn truncation(&self) -> f64 {
         (4.0 * self.voxel).max(0.06)

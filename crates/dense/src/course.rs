@@ -1,4 +1,4 @@
-//! Which version of the map a run uses, and how frames hang on its keyframes.
+//! Tracks the map version that each frame used, and the frames' anchors to keyframes.
 
 use crate::kept::Anchor;
 use std::collections::VecDeque;
@@ -8,31 +8,28 @@ use stillpoint_imaging::FrameId;
 use stillpoint_map::{KeyframeId, MapView};
 use stillpoint_slam::FrameReport;
 
-/// Follows a run: of the map it uses the version that each frame's own tracking used.
+/// Follows a run: uses the map version with which each frame was tracked.
 #[derive(Default)]
 pub(crate) struct Course {
-    /// Ids that the map had before the first frame.
+    /// Number of keyframe ids before the first frame.
     first_keyframe: u32,
-    /// Versions of the map that tracking does not use yet.
+    /// Map versions that tracking does not use yet.
     coming: VecDeque<Arc<MapView>>,
-    /// The version that tracking used last.
     view: Option<Arc<MapView>>,
     last_keyframe: Option<(KeyframeId, Se3)>,
 }
 
 impl Course {
-    /// Of a run that begins with a map of so many keyframe ids.
     pub(crate) fn begin_with(&mut self, ids: usize) {
         self.first_keyframe = u32::try_from(ids).unwrap_or(u32::MAX);
     }
 
-    /// A version that tracking will use.
     pub(crate) fn expect(&mut self, view: &Arc<MapView>) {
         self.coming.push_back(Arc::clone(view));
     }
 
-    /// Takes the version that tracking used for a frame, and notes the frame where it became a keyframe. Says whether the version is another one than
-    /// before.
+    /// Switches to the version with which a frame was tracked, and records the frame if it became a keyframe. Returns whether the version
+    /// changed.
     pub(crate) fn follow(&mut self, report: &FrameReport) -> bool {
         let before = self.view.as_ref().map(|v| v.version());
         let version = report.map_version;
@@ -45,7 +42,6 @@ impl Course {
         self.view.as_ref().map(|v| v.version()) != before
     }
 
-    /// The version in use.
     pub(crate) fn view(&self) -> Option<&MapView> {
         self.view.as_deref()
     }
@@ -54,10 +50,10 @@ impl Course {
         KeyframeId(frame.0.saturating_add(self.first_keyframe))
     }
 
-    /// What a frame that was tracked at `online` hangs on.
+    /// The anchor of a frame tracked at `online`.
     pub(crate) fn anchor(&self, report: &FrameReport, online: Se3) -> Anchor {
         let reference = self.last_keyframe.map(|(id, tracked)| {
-            // Relative to where the map has it by now, as tracking did.
+            // Relative to the keyframe's current pose in the map, as in tracking.
             let known = self.view.as_ref().and_then(|v| v.world_from_keyframe(id));
             (id, known.unwrap_or(tracked).inverse() * online)
         });

@@ -1,9 +1,9 @@
-//! The subscriber: from the events of a run to a dense map that follows its corrections.
+//! The subscriber that fuses a run's frames to a dense map and follows its corrections.
 //!
-//! What it does depends on the frames that reach it, and on nothing else: of the map it uses the version that the frame's own tracking
-//! used, so that the order in which events of different stages arrive makes no difference. Frames are integrated where they were
-//! tracked, and kept. When the map moves some by more than half a voxel, a second volume is filled from all that is kept, a few
-//! frames per event, and then takes the place of the first. In the end all that is kept is integrated once more, in the order of time, at the final poses.
+//! The result depends only on the received frames: each frame is used with the map version of its own tracking, so that the order in which
+//! events of different stages arrive does not matter. Frames are integrated at their tracked poses, and kept. When the map moves some of
+//! them by more than half a voxel, a second volume is filled from all kept frames, a few per event, and then replaces the first. At the end
+//! all kept frames are integrated once more, in time order, at the final poses.
 
 use crate::config::{DenseConfig, DenseConfigError};
 use crate::course::Course;
@@ -19,34 +19,32 @@ use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::SubmapId;
 use stillpoint_slam::{Event, FrameEvent, FrameReport, Subscriber};
 
-/// Divides the weight of frames in which it is undecided who moves.
+/// Divisor of the weight of frames in which it is undecided which regions move.
 const UNDECIDED: u8 = 8;
-/// Distance at which a turn is compared with a shift, m.
+/// Distance at which rotations are compared with translations, m.
 const TYPICAL_DEPTH: f64 = 2.0;
 
-/// What was done, in numbers.
+/// Counters of the fusion.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DenseCounts {
-    /// Frames that were integrated.
+    /// Number of integrated frames.
     pub integrated: usize,
-    /// Of these, frames that are kept to be integrated again.
+    /// Number of those that are kept for re-integration.
     pub kept: usize,
-    /// Frames that gave up their depth: they stay where they were then.
+    /// Number of frames that dropped their depth: they do not follow later corrections.
     pub given_up: usize,
-    /// How often corrections had everything integrated again while the run went on.
+    /// Number of complete re-integrations during the run, due to corrections.
     pub rebuilt: usize,
-    /// Frames whose turn it was and that came without their image.
+    /// Number of frames that were due and came without their image.
     pub without_image: usize,
-    /// Bytes that kept frames take.
+    /// Size of the kept frames, bytes.
     pub kept_bytes: usize,
 }
 
-/// A volume that is being filled to take the place of another.
+/// A volume that is filled to replace the current one.
 struct Rebuild {
     map: DenseMap,
-    /// The next frame of those that are kept.
     next: usize,
-    /// Poses of those before it.
     used: Vec<Option<Se3>>,
 }
 
@@ -57,18 +55,17 @@ pub struct Dense {
     rectifier: Rectifier,
     weights: MotionWeights,
     course: Course,
-    /// Frames to take in place of those whose turn it is by their stamps.
+    /// Frames to use, instead of choosing them by stamp.
     only: Option<BTreeSet<FrameId>>,
     last_stamp: Option<f64>,
     kept: VecDeque<Kept>,
-    /// Bytes that they take.
     kept_bytes: usize,
-    /// Of the frames that gave up their depth.
+    /// The volume of the frames that dropped their depth.
     base: DenseMap,
     map: DenseMap,
     rebuild: Option<Rebuild>,
-    /// The volume before the last one that was filled anew, for its memory: given back and asked for again in small pieces among other things, a process would
-    /// hold twice as much.
+    /// The previous volume, kept to reuse its memory: freeing and allocating it in small pieces would fragment memory, and double that of
+    /// the process.
     spare: Option<DenseMap>,
     taken: Vec<FrameId>,
     counts: DenseCounts,
@@ -84,7 +81,7 @@ struct Scratch {
 }
 
 impl Dense {
-    /// A subscriber before the first frame of a camera.
+    /// A subscriber for a camera, before the first frame.
     ///
     /// # Errors
     /// A setting out of range.
@@ -115,21 +112,21 @@ impl Dense {
         })
     }
 
-    /// Of a run that begins with a map of so many keyframe ids.
+    /// For a run that starts with a map of this many keyframe ids.
     #[must_use]
     pub fn with_first_keyframe(mut self, ids: usize) -> Self {
         self.course.begin_with(ids);
         self
     }
 
-    /// By these weights it is told which objects move by themselves; without them by the default ones.
+    /// Sets the weights that decide which objects move by themselves, instead of the defaults.
     #[must_use]
     pub fn with_weights(mut self, weights: MotionWeights) -> Self {
         self.weights = weights;
         self
     }
 
-    /// Goes on from what was fused before; it stays where it is.
+    /// Continues an existing map, which keeps its pose.
     #[must_use]
     pub fn starting_with(mut self, map: DenseMap) -> Self {
         self.base = map.clone();
@@ -137,26 +134,26 @@ impl Dense {
         self
     }
 
-    /// Takes these frames and no others: those of a run that is repeated.
+    /// Uses exactly these frames, those of the run that is replayed.
     #[must_use]
     pub fn with_frames(mut self, frames: impl IntoIterator<Item = FrameId>) -> Self {
         self.only = Some(frames.into_iter().collect());
         self
     }
 
-    /// The frames that were taken so far: what a repetition has to know, since in a live run images that came too late are missing.
+    /// The frames used up to now. A replay needs them, since in a live run frames whose images came too late are missing.
     #[must_use]
     pub fn taken(&self) -> &[FrameId] {
         &self.taken
     }
 
-    /// The map as it is while the run goes on.
+    /// The current map.
     #[must_use]
     pub fn map(&self) -> &DenseMap {
         &self.map
     }
 
-    /// What was done so far.
+    /// The current counters.
     #[must_use]
     pub fn counts(&self) -> DenseCounts {
         DenseCounts {
@@ -175,7 +172,7 @@ impl Dense {
         self.map.bytes() + self.base.bytes() + others + self.kept_bytes
     }
 
-    /// Integrates all that is kept once more, in the order of time, at the final poses; frames without one are left out.
+    /// Re-integrates all kept frames in time order at the final poses; frames without one are left out.
     #[must_use]
     pub fn finish(mut self, poses: &[FinalPose]) -> DenseMap {
         (self.rebuild, self.spare) = (None, None);
@@ -190,7 +187,6 @@ impl Dense {
         map
     }
 
-    /// Takes a frame that went through tracking.
     fn take(&mut self, event: &FrameEvent) {
         let report = &event.report;
         self.follow(report);
@@ -207,7 +203,7 @@ impl Dense {
         if let Some(only) = &self.only {
             return only.contains(&report.frame);
         }
-        // Stamps jitter.
+        // Tolerates jitter of the stamps.
         let least = 0.9 * self.config.interval;
         self.last_stamp
             .is_none_or(|last| (report.stamp - last).abs() >= least)
@@ -243,7 +239,7 @@ impl Dense {
         }
     }
 
-    /// The submap that the volume is of: that of the first frame which is kept.
+    /// The submap of the volume: that of the first kept frame.
     fn submap(&self) -> Option<SubmapId> {
         let view = self.course.view();
         self.kept
@@ -258,7 +254,7 @@ impl Dense {
         (main.is_none() || submap.is_none() || submap == main).then_some(pose)
     }
 
-    /// Takes the version of the map that tracking uses by now.
+    /// Switches to the map version that tracking uses.
     fn follow(&mut self, report: &FrameReport) {
         let changed = self.course.follow(report);
         if changed && self.rebuild.is_none() && self.has_moved() {
@@ -277,7 +273,7 @@ impl Dense {
         }
     }
 
-    /// Whether any frame is in the volume where it does not belong by more than half a voxel.
+    /// Whether any integrated frame is off by more than half a voxel.
     fn has_moved(&self) -> bool {
         let (view, main) = (self.course.view(), self.submap());
         self.kept.iter().any(|k| {
@@ -295,7 +291,7 @@ impl Dense {
         })
     }
 
-    /// Integrates a few kept frames again, where that is under way.
+    /// Re-integrates a few kept frames, if a rebuild is in progress.
     fn go_on_rebuilding(&mut self) {
         let Some(mut rebuild) = self.rebuild.take() else {
             return;
@@ -324,7 +320,7 @@ impl Dense {
         self.counts.rebuilt += 1;
     }
 
-    /// Has the oldest frame that is no keyframe give up its depth, or else the oldest one: it stays where it is by now.
+    /// Drops the depth of the oldest frame, preferably of one that is no keyframe: it stays at its current pose.
     fn give_up(&mut self) {
         let old = self.kept.len() - 1;
         let redundant = self
@@ -356,7 +352,7 @@ impl Dense {
         }
     }
 
-    /// The instruction set that it runs on.
+    /// The instruction set in use.
     #[must_use]
     pub fn simd(&self) -> Simd {
         self.simd

@@ -1,10 +1,10 @@
-//! A floor plan in axes that are given: those who drive by grids do not turn them.
+//! A floor plan in given axes, for consumers that do not rotate grids.
 
 use crate::plan::Plan;
 use crate::world::Occupancy;
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A plan whose axes are those of a frame with z up, as ROS has them in an `OccupancyGrid`.
+/// A plan in the axes of a frame with z up, as in ROS's `OccupancyGrid`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlatPlan {
     /// Cells along x.
@@ -13,12 +13,12 @@ pub struct FlatPlan {
     pub resolution: f64,
     /// Outer corner of the first cell, m.
     pub origin: Vec3,
-    /// Row by row, from the least y on: 100 occupied, 0 free, -1 unknown.
+    /// Row by row, from the smallest y: 100 occupied, 0 free, -1 unknown.
     pub cells: Vec<i8>,
 }
 
 impl Plan {
-    /// The plan in the axes of `map`, of which z is up: each cell is what the plan's cell at its middle is.
+    /// The plan in the axes of `map`, where z is up: each cell takes the value of the plan's cell at its centre.
     #[must_use]
     pub fn in_axes_of(&self, map_from_world: &Se3) -> FlatPlan {
         let side = self.resolution;
@@ -37,7 +37,7 @@ impl Plan {
                 .map(|c| c[k])
                 .fold(f64::NEG_INFINITY, f64::max)
         };
-        // Cells at whole multiples of their side: grids of one run fit on each other.
+        // Aligned to multiples of the cell side, so that grids of one run match.
         let first = [0, 1].map(|k| (low(k) / side).floor());
         let cells_along = [0, 1].map(|k| ((high(k) / side).ceil() - first[k]).max(1.0) as usize);
         let height = corners.iter().map(|c| c.z).sum::<f64>() / 4.0;
@@ -96,7 +96,7 @@ mod tests {
             .filter(|i| flat.cells[*i] == 100)
             .collect();
         assert!((1..=2).contains(&occupied.len()), "{occupied:?}");
-        // The same cell, by both ways.
+        // The same cell, computed in both ways.
         let level = Vec3::new(-1.0 + 0.75, -1.0 + 0.55, -1.0);
         let expected = map_from_world.transform(&(floor.level_from_world().transpose() * level));
         let (i, j) = (occupied[0] % flat.width, occupied[0] / flat.width);

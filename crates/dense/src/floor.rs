@@ -1,26 +1,26 @@
-//! Where the floor is.
+//! Finds the floor.
 
 use crate::mesh::Mesh;
 use stillpoint_geometry::{Mat3, Vec3};
 
-/// A plane on which things stand.
+/// The plane of the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Floor {
-    /// Unit vector away from it, world.
+    /// Unit normal, upwards, world.
     pub up: Vec3,
     /// Points `p` on it have `up . p = offset`, m.
     pub offset: f64,
 }
 
-/// Heights are counted in steps of this, m.
+/// Bin size of heights, m.
 const STEP: f64 = 0.02;
-/// Area of a floor at least, m^2: less is a shelf.
+/// Minimum area of a floor, m^2: less is a shelf.
 const LEAST_AREA: f64 = 0.1;
-/// Least area of a floor, as a share of the largest level surface.
+/// Minimum area of a floor, as a share of the largest horizontal surface.
 const LEAST_SHARE: f64 = 0.1;
 
 impl Floor {
-    /// The lowest large surface that lies level; `about_up` tells which way is up, to less than 45 degrees. None where there is no such surface.
+    /// The lowest large horizontal surface; `about_up` is the up direction within 45 degrees. `None` if there is none.
     #[must_use]
     pub fn find(mesh: &Mesh, about_up: &Vec3) -> Option<Self> {
         let mut up = about_up.try_normalize(1e-9)?;
@@ -32,7 +32,7 @@ impl Floor {
                 ((a + b + c) / 3.0, 0.5 * (b - a).cross(&(c - a)))
             })
             .collect();
-        // What lies level is level with each other: tables, seats and the floor together tell which way is up.
+        // All horizontal surfaces refine the up direction: tables, seats and the floor together.
         for least in [0.71, 0.86, 0.94, 0.97] {
             let level = |n: &Vec3| n.dot(&up) > least * n.norm();
             let sum: Vec3 = pieces.iter().map(|p| p.1).filter(level).sum();
@@ -71,7 +71,7 @@ impl Floor {
         Mat3::from_rows(&[x.transpose(), y.transpose(), self.up.transpose()])
     }
 
-    /// The plane of least squares through the pieces that are near.
+    /// Least squares plane through the surface elements within `reach`.
     fn fitted(&self, level: &[(Vec3, f64)], reach: f64) -> Option<Self> {
         let turn = self.level_from_world();
         let near = level.iter().filter(|(p, _)| self.height(p).abs() < reach);
@@ -88,7 +88,7 @@ impl Floor {
             yz += a * d.y * d.z;
         }
         let det = xx * yy - xy * xy;
-        // A strip tells nothing of the slope across it.
+        // A strip does not determine the slope across it.
         if det <= 1e-6 * total * total || !det.is_finite() {
             return None;
         }
@@ -101,7 +101,7 @@ impl Floor {
     }
 }
 
-/// The height of the lowest large one of the level surfaces.
+/// The height of the lowest large horizontal surface.
 fn lowest(level: &[(Vec3, f64)], up: &Vec3) -> Option<f64> {
     let heights = level.iter().map(|(p, area)| (up.dot(p), area));
     let least = heights.clone().map(|h| h.0).fold(f64::INFINITY, f64::min);
@@ -121,7 +121,7 @@ fn lowest(level: &[(Vec3, f64)], up: &Vec3) -> Option<f64> {
     let largest = (1..last).map(around).fold(0.0, f64::max);
     let needed = LEAST_AREA.max(LEAST_SHARE * largest);
     let first = (1..last).find(|i| around(*i) >= needed)?;
-    // The first step that has enough may be the foot of the peak.
+    // The first bin with enough area may be the foot of the peak.
     let end = (first + 4).min(last);
     let at = (first..end).max_by(|a, b| around(*a).total_cmp(&around(*b)).then(b.cmp(a)))?;
     Some(least + (at as f64 - 0.5) * STEP)

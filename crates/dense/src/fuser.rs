@@ -1,4 +1,4 @@
-//! Frames from known poses, fused: what is of use without any SLAM.
+//! Fuses frames with known poses, without SLAM.
 
 use crate::config::{DenseConfig, DenseConfigError};
 use crate::observation::{Observation, Rectifier};
@@ -38,7 +38,7 @@ pub struct Fuser {
 }
 
 impl Fuser {
-    /// Before the first frame of a camera.
+    /// For a camera, before the first frame.
     ///
     /// # Errors
     /// A setting out of range.
@@ -55,15 +55,14 @@ impl Fuser {
         })
     }
 
-    /// Takes a frame, with the pose at which its depth was taken. `moving` has one entry per pixel that is true where something moves, or none at
-    /// all.
+    /// Adds a frame with the camera pose of its depth image. `moving` has one entry per pixel, true where something moves, or is empty.
     pub fn add(&mut self, frame: &RgbdFrame, moving: &[bool], world_from_camera: &Se3) {
         self.rectifier.take(frame, moving, 1, &mut self.seen);
         let camera = &self.rectifier.camera;
         self.map.integrate(&self.seen, camera, world_from_camera);
     }
 
-    /// What was fused.
+    /// The fused map.
     #[must_use]
     pub fn map(&self) -> &DenseMap {
         &self.map

@@ -1,25 +1,22 @@
-//! Frames that are kept to be integrated again: packed, and tied to keyframes.
+//! Frames kept for re-integration: compressed, and anchored to keyframes.
 
 use crate::observation::Observation;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, rvl};
 use stillpoint_map::{KeyframeId, MapView, SubmapId};
 
-/// By what the pose of a frame follows the map.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Anchor {
-    /// The keyframe that the frame became, if it did.
+    /// The keyframe that the frame became, if any.
     pub(crate) own: Option<KeyframeId>,
-    /// The keyframe before it, and the pose relative to that.
+    /// The preceding keyframe, and the pose relative to it.
     pub(crate) reference: Option<(KeyframeId, Se3)>,
-    /// The pose as known at the frame.
     pub(crate) online: Se3,
-    /// The submap as known at the frame.
     pub(crate) submap: Option<SubmapId>,
 }
 
 impl Anchor {
-    /// The pose and its submap in a version of the map; none where the keyframes were taken back.
+    /// The pose and its submap in a version of the map; `None` if its keyframes were revoked.
     pub(crate) fn pose(&self, view: Option<&MapView>) -> Option<(Se3, Option<SubmapId>)> {
         let Some(view) = view else {
             return Some((self.online, self.submap));
@@ -28,13 +25,13 @@ impl Anchor {
             let pose = view.world_from_keyframe(id)?;
             return Some((pose * tail, view.submap_of(id)));
         }
-        // A keyframe that the map does not hold yet will be there; one that it has already passed was taken back.
+        // A missing keyframe will be added later, unless its id is already below the map's bound: then it was revoked.
         let id = self.own.or(self.reference.map(|r| r.0));
         let taken_back = id.is_some_and(|id| id.index() < view.keyframe_bound());
         (!taken_back).then_some((self.online, self.submap))
     }
 
-    /// The keyframe that it hangs on in a version of the map, and its pose in the camera of that.
+    /// The keyframe that it is anchored to in a version of the map, and its pose in that keyframe's camera.
     pub(crate) fn hold(&self, view: &MapView) -> Option<(KeyframeId, Se3)> {
         let own = self.own.map(|id| (id, Se3::identity()));
         let mut holds = own.into_iter().chain(self.reference);
@@ -42,23 +39,19 @@ impl Anchor {
     }
 }
 
-/// A frame that is kept.
 pub(crate) struct Kept {
     pub(crate) frame: FrameId,
-    /// When its depth was taken, s.
     pub(crate) depth_stamp: f64,
     pub(crate) anchor: Anchor,
-    /// The pose with which it is in the volume; none where it is not.
+    /// The pose with which it is integrated; `None` if it is not.
     pub(crate) used: Option<Se3>,
     size: [usize; 2],
     doubt: u8,
     depth: Box<[u8]>,
     movers: Box<[u8]>,
-    /// Red, green, blue.
     colour: Box<[u8]>,
 }
 
-/// Buffers for packing.
 #[derive(Default)]
 pub(crate) struct Packing {
     bytes: Vec<u8>,
@@ -90,13 +83,12 @@ impl Kept {
         }
     }
 
-    /// The frame as it was integrated.
     pub(crate) fn unpack(&self, to: &mut Observation) {
         [to.width, to.height] = self.size;
         to.doubt = self.doubt;
         to.depth_stamp = self.depth_stamp;
         let movers = to.mover_width() * to.mover_height();
-        // What was packed here reads back.
+        // Data compressed here always decodes.
         let depth = rvl::decode(&self.depth, to.width * to.height, &mut to.depth);
         let moving = rvl::decode(&self.movers, movers, &mut to.movers);
         debug_assert!(depth.and(moving).is_some());
@@ -106,7 +98,6 @@ impl Kept {
             .extend(rgb.map(|c| u32::from(c[0]) | u32::from(c[1]) << 8 | u32::from(c[2]) << 16));
     }
 
-    /// Bytes that it takes.
     pub(crate) fn bytes(&self) -> usize {
         size_of::<Self>() + self.depth.len() + self.movers.len() + self.colour.len()
     }

@@ -1,8 +1,7 @@
-//! The room without the people: surface, mesh and grids, fused from what does not move.
+//! The static scene without people: surface, mesh and grids.
 //!
-//! Answers: where surfaces are, where space is free, and what a robot may drive by. A subscriber ([`Dense`]) takes the events of a run and
-//! follows its corrections; nothing goes back. It opens no files and starts no threads: it writes to a writer that the caller passes, and
-//! a program with a live camera runs it on a thread of its own.
+//! A subscriber ([`Dense`]) receives the events of a run and follows its corrections; it does not influence the run. It opens no files and
+//! starts no threads: output goes to a writer of the caller, and a program with a live camera runs it on a separate thread.
 
 mod arrivals;
 #[cfg(target_arch = "x86_64")]

@@ -1,10 +1,10 @@
-//! Which pixels move.
+//! Masks of moving pixels.
 
 use stillpoint_detection::{MotionWeights, Object};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_slam::{MOVER, Segments};
 
-/// The pixels of what moves, with all cells around: where a region ends, a camera mixes what moves with what is behind it.
+/// The pixels of moving regions, dilated by one cell: at their borders a camera mixes foreground and background.
 pub(crate) fn spread(segments: &Segments, frame: &RgbdFrame, moving: &mut Vec<bool>) {
     moving.clear();
     let (w, h, side) = (segments.width, segments.height, segments.cell_px);
@@ -17,19 +17,19 @@ pub(crate) fn spread(segments: &Segments, frame: &RgbdFrame, moving: &mut Vec<bo
         .map(|i| around(i / w, h).any(|y| around(i % w, w).any(|x| labelled(x, y))))
         .collect();
     let (width, height) = (frame.depth.width(), frame.depth.height());
-    // What is left beyond the last whole cell belongs to it.
+    // Pixels beyond the last whole cell belong to it.
     moving.extend((0..width * height).map(|i| {
         let (x, y) = ((i % width / side).min(w - 1), (i / width / side).min(h - 1));
         near[y * w + x]
     }));
 }
 
-/// Borders of boxes are uncertain by about this, px.
+/// Uncertainty of box borders, px.
 const BORDER: f64 = 8.0;
-/// What a body is nearer or farther than the depths that were seen of it, m.
+/// Depth margin around the observed depths of a body, m.
 const BODY: f32 = 0.1;
 
-/// Adds the pixels of objects that move by themselves, parked or not: who sits still gets up one day.
+/// Adds the pixels of objects that move by themselves, parked or not: a seated person will get up.
 pub(crate) fn add_people(
     objects: &[Object],
     weights: &MotionWeights,

@@ -1,6 +1,6 @@
-//! The NEON kernel of this crate, the twin of a scalar function that gives the same bits. The only unsafe code of the crate on 64-bit Arm.
+//! The NEON kernel, bit-identical to its scalar twin. The only unsafe code of the crate on 64-bit Arm.
 //!
-//! Rows of pixels have none: their portable code is one loop after the other without branches, of which the compiler makes the same vectors.
+//! Rows of pixels need none: their portable code consists of branchless loops, which the compiler vectorises.
 #![allow(unsafe_code)]
 
 use std::arch::aarch64::*;
@@ -15,7 +15,7 @@ use stillpoint_imaging::Simd;
 const LANES: usize = 4;
 const _: () = assert!(SIDE == 2 * LANES);
 
-/// Every entry calls this, so that no instruction runs on a machine that lacks it. Where all machines of a target have NEON it costs nothing.
+/// Panics on a machine without NEON. Called at every entry; free where the target implies NEON.
 #[inline]
 fn check() {
     assert!(Simd::Neon.has_neon(), "NEON kernel called without NEON");
@@ -33,11 +33,10 @@ pub(crate) fn update(sight: &Sight<'_>, placed: &Placed, block: &mut Block) -> b
             && pixels < i32::MAX as usize,
         "images are smaller than they are said to be"
     );
-    // SAFETY: `check` has seen that the machine has NEON; the images are as large as the kernel takes them for.
+    // SAFETY: `check` verified that the machine has NEON; the images have the size that the kernel assumes.
     unsafe { update_kernel(sight, placed, block) }
 }
 
-/// Values that are the same for all rows.
 struct Constants {
     camera: [f32; 4],
     last_u: float32x4_t,
@@ -47,7 +46,7 @@ struct Constants {
     clear: float32x4_t,
     fall: f32,
     scale: f32,
-    /// From a row's first voxel to those of its halves, along each axis.
+    /// Offsets from a row's first voxel to those of its halves, along each axis.
     steps: [[float32x4_t; 3]; 2],
 }
 
@@ -82,7 +81,7 @@ unsafe fn update_kernel(sight: &Sight<'_>, placed: &Placed, block: &mut Block) -
         let first = placed.row(row % SIDE, row / SIDE);
         for (half, steps) in c.steps.iter().enumerate() {
             let start = SIDE * row + LANES * half;
-            // SAFETY: the caller's.
+            // SAFETY: guaranteed by the caller.
             let Some(seen) = (unsafe { look(sight, &c, first, steps) }) else {
                 continue;
             };
@@ -92,14 +91,13 @@ unsafe fn update_kernel(sight: &Sight<'_>, placed: &Placed, block: &mut Block) -
             any = true;
             let learnt = average(&c, &seen, &lanes, block, start);
             let colours = &mut block.colour[start..start + LANES];
-            // SAFETY: the caller's.
+            // SAFETY: guaranteed by the caller.
             unsafe { paint(sight, &seen, &lanes, &learnt, colours) };
         }
     }
     any
 }
 
-/// Whether any lane of a mask is set.
 #[inline]
 #[target_feature(enable = "neon")]
 fn any(mask: uint32x4_t) -> bool {
@@ -109,14 +107,14 @@ fn any(mask: uint32x4_t) -> bool {
 /// The entries of a table at `at` where `mask` is set, 0 elsewhere.
 ///
 /// # Safety
-/// `table` has an entry, and one at each index whose mask is set.
+/// `table` has at least one entry, and one at each index whose mask is set.
 #[inline]
 #[target_feature(enable = "neon")]
 unsafe fn gather(table: &[u32], at: uint32x4_t, mask: uint32x4_t) -> uint32x4_t {
-    // Lanes that are masked out read the first entry: four loads take less time than one decision that is foreseen badly.
+    // Masked lanes read the first entry: four loads are cheaper than a mispredicted branch.
     let at = vandq_u32(at, mask);
     let entry = |i: u32| table.as_ptr().wrapping_add(i as usize);
-    // SAFETY: the caller promises that all these entries are there.
+    // SAFETY: the caller guarantees that all these entries exist.
     let found = unsafe {
         let found = vdupq_n_u32(*entry(vgetq_lane_u32::<0>(at)));
         let found = vld1q_lane_u32::<1>(entry(vgetq_lane_u32::<1>(at)), found);
@@ -126,12 +124,11 @@ unsafe fn gather(table: &[u32], at: uint32x4_t, mask: uint32x4_t) -> uint32x4_t 
     vandq_u32(found, mask)
 }
 
-/// What voxels see.
 struct Seen {
     u: uint32x4_t,
     v: uint32x4_t,
     pixel: uint32x4_t,
-    /// Of voxels that see anything no farther behind it than the truncation.
+    /// Mask of voxels with a measured pixel and at most the truncation behind its surface.
     near: uint32x4_t,
     distance: float32x4_t,
 }
@@ -169,7 +166,7 @@ unsafe fn look(
     let depth = vandq_u32(pixel, vdupq_n_u32(0xffff));
     let metres = vmulq_n_f32(vcvtq_f32_u32(depth), 1.0 / PER_METRE);
     let distance = vsubq_f32(metres, pz);
-    // Lanes that are masked out have a pixel of zero.
+    // Masked lanes have a pixel of zero.
     let measured = vtstq_u32(depth, depth);
     let near = vandq_u32(vcgeq_f32(distance, c.minus_truncation), measured);
     any(near).then_some(Seen {
@@ -181,15 +178,12 @@ unsafe fn look(
     })
 }
 
-/// Which voxels learn, and what.
 struct Lanes {
     /// Near a surface.
     band: uint32x4_t,
     /// Near a surface, or seen through.
     learns: uint32x4_t,
-    /// The weight of the pixel.
     seen: uint32x4_t,
-    /// Weight and distance before.
     known: float32x4_t,
     old: float32x4_t,
 }
@@ -233,7 +227,6 @@ fn sort(c: &Constants, s: &Seen, block: &mut Block, start: usize) -> Option<Lane
     })
 }
 
-/// Writes distances, which are whole numbers.
 #[inline]
 #[target_feature(enable = "neon")]
 fn store_distances(distances: float32x4_t, block: &mut Block, start: usize) {
@@ -243,15 +236,12 @@ fn store_distances(distances: float32x4_t, block: &mut Block, start: usize) {
     unsafe { vst1_s16(window.as_mut_ptr(), new) };
 }
 
-/// What became of the voxels.
 struct Learnt {
-    /// The share of what is new.
     mix: float32x4_t,
-    /// What was inside of a surface, and is free.
+    /// Voxels that changed from inside a surface to free.
     freed: uint32x4_t,
 }
 
-/// Brings distances and weights up to date.
 #[inline]
 #[target_feature(enable = "neon")]
 fn average(c: &Constants, s: &Seen, lanes: &Lanes, block: &mut Block, start: usize) -> Learnt {
@@ -273,7 +263,7 @@ fn average(c: &Constants, s: &Seen, lanes: &Lanes, block: &mut Block, start: usi
     store_distances(vbslq_f32(lanes.learns, mean, lanes.old), block, start);
     let capped = vminnmq_f32(total, vdupq_n_f32(MOST_WEIGHT));
     let capped = vbslq_f32(freed, c.clear, capped);
-    // The conversion cuts fractions off.
+    // The conversion truncates.
     let new = vqmovn_u32(vcvtq_u32_f32(vbslq_f32(lanes.learns, capped, lanes.known)));
     let window = &mut block.weight[start..start + LANES];
     // SAFETY: the window holds the 8 bytes written.
@@ -282,7 +272,7 @@ fn average(c: &Constants, s: &Seen, lanes: &Lanes, block: &mut Block, start: usi
     Learnt { mix, freed }
 }
 
-/// Brings colours and counts up to date.
+/// Updates colours and counts.
 ///
 /// # Safety
 /// `sight.colours` has one entry for every `COLOUR_PX` pixels.
@@ -316,7 +306,6 @@ unsafe fn paint(sight: &Sight<'_>, s: &Seen, lanes: &Lanes, learnt: &Learnt, col
 
 const _: () = assert!(COLOUR_PX == 4, "coordinates are shifted by two bits");
 
-/// Colours on their way from one to another.
 #[inline]
 #[target_feature(enable = "neon")]
 fn mixed(old: uint32x4_t, new: uint32x4_t, mix: float32x4_t) -> uint32x4_t {

@@ -1,32 +1,30 @@
-//! What is kept of a frame: depth without lens distortion and without what moves, and small pictures of the rest.
+//! A frame as it is integrated: undistorted depth without moving regions, and reduced images of colour and movers.
 
 use crate::config::DenseConfig;
 use stillpoint_geometry::{Camera, Vec2};
 use stillpoint_imaging::RgbdFrame;
 
-/// Depth values per metre: those of the TUM data sets, and a multiple of cameras that measure in millimetres.
+/// Depth units per metre: those of the TUM data sets, and a multiple of cameras that measure in millimetres.
 pub(crate) const PER_METRE: f32 = 5000.0;
-/// Pixels along a side of one pixel of the kept colours: at 2 m some 15 mm, a voxel.
+/// Image pixels along a side of a colour pixel: at 2 m some 15 mm, a voxel.
 pub(crate) const COLOUR_PX: usize = 4;
-/// Pixels along a side of one pixel of what moved.
+/// Image pixels along a side of a mover pixel.
 pub(crate) const MOVER_PX: usize = 8;
 
-/// A frame as it is integrated.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Observation {
-    /// When its depth was taken, s.
     pub(crate) depth_stamp: f64,
     /// px.
     pub(crate) width: usize,
     /// px.
     pub(crate) height: usize,
-    /// Depths of the pinhole image in units of `1 / PER_METRE`, row by row; 0 where there is none, or where something moves.
+    /// Depths of the pinhole image in units of `1 / PER_METRE`, row by row; 0 where missing or moving.
     pub(crate) depth: Vec<u16>,
-    /// Depths of what moves, one for every `MOVER_PX` pixels; 0 elsewhere.
+    /// Depths of moving regions, one for every `MOVER_PX` pixels; 0 elsewhere.
     pub(crate) movers: Vec<u16>,
     /// Red, green, blue (lowest byte first), one for every `COLOUR_PX` pixels.
     pub(crate) colour: Vec<u32>,
-    /// Divides the weight of what is seen.
+    /// Divisor of the integration weights.
     pub(crate) doubt: u8,
 }
 
@@ -48,13 +46,11 @@ impl Observation {
     }
 }
 
-/// Outside of the raw image.
 const NOWHERE: u32 = u32::MAX;
 
-/// Brings images to the pinhole camera.
 pub(crate) struct Rectifier {
     pub(crate) camera: Camera,
-    /// By pixel of the pinhole image, the nearest pixel of the raw one; none where both are the same.
+    /// Per pixel of the pinhole image, the nearest raw pixel; `None` if both images are equal.
     source: Option<Vec<u32>>,
     least: u16,
 }
@@ -80,7 +76,7 @@ impl Rectifier {
         }
     }
 
-    /// Takes a frame, with one entry per raw pixel that is true where something moves; `moving` may be empty.
+    /// Converts a frame; `moving` has one entry per raw pixel, true where something moves, or is empty.
     pub(crate) fn take(&self, frame: &RgbdFrame, moving: &[bool], doubt: u8, to: &mut Observation) {
         let (w, h) = (frame.depth.width(), frame.depth.height());
         (to.width, to.height, to.doubt) = (w, h, doubt);
@@ -106,7 +102,7 @@ impl Rectifier {
         self.colours(frame, to);
     }
 
-    /// Takes what moves out of the depths, and notes where it was.
+    /// Removes moving pixels from the depth, and records them as movers.
     fn take_out(&self, moving: &[bool], to: &mut Observation) {
         let (w, coarse) = (to.width, to.mover_width());
         for (i, z) in to.depth.iter_mut().enumerate() {
@@ -125,7 +121,7 @@ impl Rectifier {
         to.colour.clear();
         for y in 0..to.colour_height() {
             for x in 0..to.colour_width() {
-                // The mean of the four pixels around the middle.
+                // The mean of the four central pixels.
                 let (x0, y0) = (
                     (COLOUR_PX * x + 1).min(w - 1),
                     (COLOUR_PX * y + 1).min(h - 1),
@@ -154,7 +150,7 @@ fn colour_at(frame: &RgbdFrame, i: usize) -> [u8; 3] {
     }
 }
 
-/// A depth as it is kept: 0 for none, and for what is farther than 13.1 m.
+/// A depth in stored units: 0 for none, and beyond 13.1 m.
 pub(crate) fn units(z: f32) -> u16 {
     let v = z * PER_METRE + 0.5;
     if v < 65535.0 { v as u16 } else { 0 }

@@ -1,21 +1,21 @@
-//! The coarse grid as an octree in OctoMap's binary format (`.bt`): Hornung et al., Autonomous Robots 2013.
+//! Writes the coarse grid as an octree in OctoMap's binary format (`.bt`): Hornung et al., Autonomous Robots 2013.
 
 use crate::world::{DenseMap, Occupancy};
 use std::io::{Result, Write};
 
 /// Levels of the tree: keys have 16 bits.
 const DEPTH: u32 = 16;
-/// The cell at the origin has this key along each axis.
+/// Key of the cell at the origin, along each axis.
 const MIDDLE: i64 = 1 << (DEPTH - 1);
 
-/// A leaf: the bits of its key, interleaved from the highest down (z, y, x), and whether it is occupied.
+/// A leaf: its interleaved key bits from the highest down (z, y, x), and whether it is occupied.
 type Leaf = (u64, bool);
 
 impl DenseMap {
-    /// Writes the grid: cells that are occupied and cells that are free. What is farther than 32768 cells from the origin is left out.
+    /// Writes the occupied and the free cells. Those beyond 32768 cells from the origin are left out.
     ///
     /// # Errors
-    /// What the writer says.
+    /// Errors of the writer.
     pub fn write_octomap(&self, mut to: impl Write) -> Result<()> {
         let mut leaves = Vec::new();
         self.for_each_known(|at, occupancy| {
@@ -54,14 +54,14 @@ fn key(at: [i32; 3]) -> Option<u64> {
     Some(key)
 }
 
-/// The value of all of a node's leaves, if it has all of them and they agree.
+/// The common value of a node's leaves, if all exist and agree.
 fn uniform(leaves: &[Leaf], levels: u32) -> Option<bool> {
     let first = leaves.first()?.1;
     let full = leaves.len() as u64 == 1 << (3 * levels);
     (full && leaves.iter().all(|l| l.1 == first)).then_some(first)
 }
 
-/// Writes an inner node above so many levels, and returns how many nodes it and all below it are.
+/// Writes an inner node with this many levels below it, and returns the number of nodes written.
 fn node(leaves: &[Leaf], levels: u32, out: &mut Vec<u8>) -> usize {
     let shift = 3 * (levels - 1);
     let mut children: [&[Leaf]; 8] = [&[]; 8];
@@ -70,7 +70,7 @@ fn node(leaves: &[Leaf], levels: u32, out: &mut Vec<u8>) -> usize {
         let end = rest.partition_point(|l| (l.0 >> shift & 7) as usize <= i);
         (*child, rest) = rest.split_at(end);
     }
-    // Two bits per child: 01 free, 10 occupied, 11 with children of its own.
+    // Two bits per child: 01 free, 10 occupied, 11 has children.
     let mut record = 0_u16;
     for (i, child) in children.iter().enumerate() {
         let bits = match (child.is_empty(), uniform(child, levels - 1)) {

@@ -1,34 +1,33 @@
-//! What the voxels along a pixel's ray learn from it: depth, weight, and how far in front of it space is surely free.
+//! Per-pixel data for updating the voxels along a ray: depth, weight, and the extent of certain free space.
 
 use crate::observation::{Observation, PER_METRE};
 use stillpoint_geometry::{Camera, Vec3};
 use stillpoint_imaging::Simd;
 
-/// Step in which the free space of a pixel is stored, m.
+/// Unit of a pixel's free space gap, m.
 pub(crate) const GAP: f32 = 0.008;
-/// Nothing is known of the free space of a pixel.
+/// Marks unknown free space.
 pub(crate) const NO_GAP: u32 = 255;
-/// Weight of a surface that is measured as well as can be.
+/// Maximum weight of a surface observation.
 pub(crate) const BEST: f32 = 255.0;
-/// Depth to which it is, m.
+/// Depth up to which observations have that weight, m.
 const BEST_DEPTH: f32 = 0.8;
-/// Weight of one that is seen at all.
+/// Minimum weight of a surface observation.
 const LEAST: f32 = 4.0;
-/// Pixels along a side of a tile.
 pub(crate) const TILE: usize = 16;
 
-/// An observation in the form in which voxels ask for it.
+/// An observation in the layout that the voxel kernels use.
 #[derive(Default)]
 pub(crate) struct Pixels {
-    /// Bits 0 to 15: depth in units of the observation. 16 to 23: weight, 0 where no surface is made. 24 to 31: how much nearer than that the
-    /// nearest of the 3x3 pixels around is, in steps of [`GAP`], or [`NO_GAP`].
+    /// Bits 0 to 15: depth in units of the observation. 16 to 23: weight, 0 for no surface. 24 to 31: difference to the nearest of the 3x3
+    /// pixels around, in steps of [`GAP`], or [`NO_GAP`].
     pub(crate) pixels: Vec<u32>,
-    /// Farthest depth of each tile, m; row by row, `tiles_across` in a row.
+    /// Maximum depth of each tile, m; row by row, `tiles_across` in a row.
     pub(crate) farthest: Vec<f32>,
     pub(crate) tiles_across: usize,
-    /// Nearest and farthest depth that makes a surface, m; none where nothing does.
+    /// Minimum and maximum depth of the surfaces; `None` without any, m.
     pub(crate) range: Option<[f32; 2]>,
-    /// Of a row: the nearest of the pixels around, and how much each faces the camera.
+    /// Row buffers: minimum depth around each pixel, and its orientation factor.
     nearest: Vec<u16>,
     facing: Vec<f32>,
 }
@@ -46,29 +45,24 @@ pub(crate) fn weight_at(z: f32) -> f32 {
     (BEST * ratio * ratio).max(LEAST)
 }
 
-/// A row of pixels and its neighbours.
 pub(crate) struct Row<'a> {
-    /// Depths of the row above, of the row and of the row below.
+    /// Depths of the row above, the row, and the row below.
     pub(crate) depths: [&'a [u16]; 3],
     /// fx, fy, cx, and y - cy.
     pub(crate) camera: [f32; 4],
-    /// Farthest depth that makes a surface.
     pub(crate) limit: u16,
-    /// What all weights are multiplied by.
     pub(crate) trust: f32,
 }
 
-/// What is made of a row, and what for.
 pub(crate) struct RowOut<'a> {
     pub(crate) pixels: &'a mut [u32],
     pub(crate) nearest: &'a mut [u16],
     pub(crate) facing: &'a mut [f32],
-    /// Of every [`TILE`] pixels the farthest depth.
     pub(crate) farthest: &'a mut [f32],
 }
 
 impl Pixels {
-    /// Takes an observation. Surfaces are made to `max_depth`, m.
+    /// Converts an observation. Surfaces are limited to `max_depth`, m.
     pub(crate) fn fill(&mut self, o: &Observation, camera: &Camera, max_depth: f32, simd: Simd) {
         let (w, h) = (o.width, o.height);
         let across = w.div_ceil(TILE);
@@ -111,7 +105,7 @@ impl Pixels {
 }
 
 impl Pixels {
-    /// How far space is surely free along the ray of a point in camera coordinates, m; none outside of the image and where nothing is known.
+    /// Length of the certainly free space along the ray of a point in camera coordinates, m; `None` outside of the image or if unknown.
     pub(crate) fn free_to(&self, camera: &Camera, width: usize, p: &Vec3) -> Option<f64> {
         let px = camera.project(p);
         if p.z <= 0.0 || !camera.contains(px) {
@@ -128,7 +122,7 @@ impl Pixels {
     }
 }
 
-/// Makes a row of pixels; nearest and farthest depth in it that makes a surface.
+/// Converts a row of pixels; returns the minimum and maximum depth of its surfaces.
 fn fill_row(row: &Row<'_>, out: &mut RowOut<'_>, simd: Simd) -> [u16; 2] {
     #[cfg(target_arch = "x86_64")]
     if simd.has_avx2() {
@@ -138,7 +132,7 @@ fn fill_row(row: &Row<'_>, out: &mut RowOut<'_>, simd: Simd) -> [u16; 2] {
     fill_row_scalar(row, out)
 }
 
-/// The same in portable code, which the compiler turns into vectors.
+/// Portable code, which the compiler vectorises.
 #[inline(always)]
 pub(crate) fn fill_row_scalar(row: &Row<'_>, out: &mut RowOut<'_>) -> [u16; 2] {
     nearest(row, out.nearest);
@@ -169,15 +163,14 @@ pub(crate) fn fill_row_scalar(row: &Row<'_>, out: &mut RowOut<'_>) -> [u16; 2] {
     range
 }
 
-/// Units per step of the gap.
 const STEP: u32 = (GAP * PER_METRE) as u32;
 const _: () = assert!(STEP == 40, "the division by it is written out");
 
-/// The gap between a pixel and the nearest around, rounded up: what is called free is.
+/// The gap between a pixel and the nearest around it, rounded up to be conservative.
 #[inline(always)]
 fn gap(z: u16, nearest: u16) -> u32 {
     let difference = u32::from(z.wrapping_sub(nearest));
-    // Divided by 40.
+    // Division by 40.
     let steps = ((difference + STEP - 1) * 52_429) >> 21;
     if nearest == 0 {
         NO_GAP
@@ -186,7 +179,7 @@ fn gap(z: u16, nearest: u16) -> u32 {
     }
 }
 
-/// The nearest depth of the 3x3 pixels around each; 0 where one of them has none.
+/// The minimum of the 3x3 depths around each pixel; 0 if any is missing.
 #[inline(always)]
 fn nearest(row: &Row<'_>, out: &mut [u16]) {
     let w = out.len();
@@ -199,7 +192,7 @@ fn nearest(row: &Row<'_>, out: &mut [u16]) {
     if w < 3 {
         return;
     }
-    // Slices of one length spare the loop its bounds checks, so that it becomes vector code.
+    // Slices of equal length remove bounds checks, so that the loop vectorises.
     let n = w - 2;
     let [a, b, c] = row.depths.map(|d| [&d[..n], &d[1..][..n], &d[2..][..n]]);
     for (i, out) in out[1..][..n].iter_mut().enumerate() {
@@ -208,14 +201,13 @@ fn nearest(row: &Row<'_>, out: &mut [u16]) {
     }
 }
 
-/// Pixels to both sides over which the slope of a surface is taken.
+/// Distance to both sides over which the slope of a surface is measured, px.
 const REACH: usize = 2;
 
-/// How much each pixel's surface faces the camera, from 0.25 to 1; 0.25 at steps of depth, where a camera mixes what is before with what is
-/// behind.
+/// How much each pixel's surface faces the camera, from 0.25 to 1; 0.25 at depth steps, where a camera mixes foreground and background.
 ///
-/// The cosine between a surface's normal and the ray: with depth z, slopes p and q of depth per pixel, the normal is
-/// `(-fx p, -fy q, z + (u - cx) p + (v - cy) q)`, and the cosine `z / (|ray| |normal|)`.
+/// The cosine between the surface normal and the ray: with depth z, slopes p and q of depth per pixel, the normal is `(-fx p, -fy q, z +
+/// (u - cx) p + (v - cy) q)`, and the cosine `z / (|ray| |normal|)`.
 #[inline(always)]
 fn facing(row: &Row<'_>, out: &mut [f32]) {
     let w = out.len();
@@ -246,7 +238,7 @@ fn facing(row: &Row<'_>, out: &mut [f32]) {
         let (rx, ry) = (u * over_fx, v * over_fy);
         let square = (nx * nx + ny * ny + nz * nz) * (rx * rx + ry * ry + 1.0);
         let cosine = z / square.max(1.0).sqrt();
-        // A pixel without depth is 0, and makes a step of itself.
+        // A missing depth is 0, and so counts as a step.
         let step = 0.03 * z + 0.02 * PER_METRE;
         let smooth = ((l + r - 2.0 * z).abs() < step) & ((a + b - 2.0 * z).abs() < step);
         let cosine = cosine.clamp(0.25, 1.0);
@@ -287,7 +279,7 @@ mod tests {
         let flat = |z: f32| weight(&seen(|_, _| z).1, 32, 24);
         assert!(flat(0.7) > 250 && flat(0.7) > 4 * flat(2.0) && flat(2.0) > 2 * flat(3.5));
         assert_eq!(flat(5.0), 0);
-        // A wall that falls back by 1.7 m per m, seen at 60 degrees.
+        // A wall that recedes by 1.7 m per m, seen at 60 degrees.
         let slope = |x: usize| 1.0 / (1.0 - 1.732 * (x as f32 - 31.5) / 60.0);
         let oblique = weight(&seen(|x, _| if x < 52 { slope(x) } else { 0.0 }).1, 32, 24);
         let expected = 0.5 * weight_at(1.0);

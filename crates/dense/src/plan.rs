@@ -1,4 +1,4 @@
-//! The floor plan that a robot drives by: occupied, free or unknown, cell by cell, in the format of ROS 2's map_server.
+//! The floor plan for robot navigation: occupied, free or unknown cells, in the format of ROS 2's map_server.
 
 use crate::cells::Vec3i;
 use crate::floor::Floor;
@@ -7,12 +7,12 @@ use crate::world::{DenseMap, Occupancy};
 use std::io::{Result, Write};
 use stillpoint_geometry::Vec3;
 
-/// Which part of the room a robot has to know.
+/// The height range that matters to a robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanOptions {
-    /// From this height above the floor, m: what is lower is driven over.
+    /// Lower end above the floor, m: lower objects are driven over.
     pub low: f64,
-    /// To this height, m: what is higher is driven under.
+    /// Upper end, m: higher objects are driven under.
     pub high: f64,
 }
 
@@ -25,7 +25,7 @@ impl Default for PlanOptions {
     }
 }
 
-/// The plan. Its axes are those of [`Floor::level_from_world`]; row 0 is at the least y.
+/// The plan, in the axes of [`Floor::level_from_world`]; row 0 is at the smallest y.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// Cells along x.
@@ -38,15 +38,15 @@ pub struct Plan {
     pub origin: [f64; 2],
     /// Row by row.
     pub cells: Vec<Occupancy>,
-    /// In how many frames something that moves was there, at any height of the band; at most 65535.
+    /// Number of frames in which something moved there, at any height of the range; at most 65535.
     pub crossed: Vec<u16>,
-    /// What it lies on.
+    /// The floor below it.
     pub floor: Floor,
 }
 
-/// Cells along a side at most.
+/// Maximum number of cells along a side.
 const MOST: f64 = 20_000.0;
-/// What the three values of map_server's trinary mode look like.
+/// Grey values of map_server's trinary mode.
 const SHADES: [(Occupancy, u8); 3] = [
     (Occupancy::Occupied, 0),
     (Occupancy::Free, 254),
@@ -54,7 +54,7 @@ const SHADES: [(Occupancy, u8); 3] = [
 ];
 
 impl DenseMap {
-    /// The plan above a floor; none where nothing is known, or of more than a kilometre.
+    /// The plan above a floor; `None` if nothing is known, or beyond a kilometre.
     #[must_use]
     pub fn plan(&self, floor: &Floor, options: &PlanOptions) -> Option<Plan> {
         let turn = floor.level_from_world();
@@ -115,7 +115,6 @@ impl DenseMap {
 }
 
 impl Plan {
-    /// The cell that a point in the plan's axes is in.
     fn index(&self, p: &Vec3) -> Option<usize> {
         let at =
             [p.x - self.origin[0], p.y - self.origin[1]].map(|v| (v / self.resolution).floor());
@@ -124,14 +123,14 @@ impl Plan {
         inside.then(|| at[1] as usize * self.width + at[0] as usize)
     }
 
-    /// What is known of the cell above or below a point of the world (m); unknown outside.
+    /// The value at a point of the world (m), by its vertical projection; unknown outside.
     #[must_use]
     pub fn at(&self, p: &Vec3) -> Occupancy {
         let i = self.index(&(self.floor.level_from_world() * p));
         i.map_or(Occupancy::Unknown, |i| self.cells[i])
     }
 
-    /// Distance from the middle of each cell to that of the nearest one that is occupied, m, row by row; infinite where none is. Exact, by two
+    /// Distance from the centre of each cell to that of the nearest occupied one, m, row by row; infinite if there is none. Exact, by two
     /// passes of parabolas (Felzenszwalb, Huttenlocher, Theory of Computing 2012).
     #[must_use]
     pub fn distances(&self) -> Vec<f32> {
@@ -143,10 +142,10 @@ impl Plan {
         distances(&occupied, self.width, self.resolution)
     }
 
-    /// Writes the image of map_server: black occupied, white free, grey unknown; the row of the largest y first.
+    /// Writes map_server's image: black occupied, white free, grey unknown; the row of the largest y first.
     ///
     /// # Errors
-    /// What the writer says.
+    /// Errors of the writer.
     pub fn write_pgm(&self, mut to: impl Write) -> Result<()> {
         write!(to, "P5\n{} {}\n255\n", self.width, self.height)?;
         let shade = |c: &Occupancy| {
@@ -159,18 +158,18 @@ impl Plan {
         Ok(())
     }
 
-    /// Writes how often each cell was crossed by what moves, as an image of 16 bits in the places of [`Plan::write_pgm`].
+    /// Writes the crossed counts as a 16-bit image with the layout of [`Plan::write_pgm`].
     ///
     /// # Errors
-    /// What the writer says.
+    /// Errors of the writer.
     pub fn write_crossed(&self, to: impl Write) -> Result<()> {
         self.write_16(to, &self.crossed)
     }
 
-    /// Writes [`Plan::distances`] as an image of 16 bits, mm; 65535 where they are larger.
+    /// Writes [`Plan::distances`] as a 16-bit image, mm; 65535 where they are larger.
     ///
     /// # Errors
-    /// What the writer says.
+    /// Errors of the writer.
     pub fn write_distances(&self, to: impl Write) -> Result<()> {
         let millimetres = |d: &f32| (1000.0 * d + 0.5).min(65535.0) as u16;
         let values: Vec<u16> = self.distances().iter().map(millimetres).collect();
@@ -186,7 +185,7 @@ impl Plan {
         Ok(())
     }
 
-    /// The file beside the image `image` that map_server reads.
+    /// map_server's YAML file for the image `image`.
     #[must_use]
     pub fn yaml(&self, image: &str) -> String {
         format!(
@@ -196,7 +195,7 @@ impl Plan {
     }
 }
 
-/// Distance from the middle of each cell to that of the nearest one that is set, m; see [`Plan::distances`]. The cells have a side of `side` m.
+/// Distance from the centre of each cell to that of the nearest set one, m; see [`Plan::distances`]. Cells have a side of `side` m.
 pub(crate) fn distances(set: &[bool], width: usize, side: f64) -> Vec<f32> {
     let zero = |s: &bool| if *s { 0.0 } else { f64::INFINITY };
     let mut squares: Vec<f64> = set.iter().map(zero).collect();
@@ -216,9 +215,9 @@ pub(crate) fn distances(set: &[bool], width: usize, side: f64) -> Vec<f32> {
     squares.into_iter().map(metres).collect()
 }
 
-/// Squared distances along a line, of values that are squared distances already.
+/// Distance transform along a line, of squared distances.
 fn transform(values: &[f64], mut set: impl FnMut(usize, f64)) {
-    // The parabolas that are lowest somewhere, and where each begins to be.
+    // The lower envelope of parabolas, with the start of each.
     let mut lowest: Vec<(usize, f64)> = Vec::new();
     for (i, value) in values.iter().enumerate().filter(|v| v.1.is_finite()) {
         let at = |k: usize| k as f64 * k as f64;

@@ -1,9 +1,9 @@
-//! Where frames were taken from in the end.
+//! Final camera poses of frames.
 
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::FrameId;
 
-/// Between poses farther apart in time than this, none is interpolated, s.
+/// Maximum time between poses for interpolation, s.
 const LONGEST_GAP: f64 = 0.2;
 
 /// The final pose of a frame.
@@ -17,7 +17,7 @@ pub struct FinalPose {
     pub world_from_camera: Se3,
 }
 
-/// The pose of a frame at the time when its depth was taken, by those of the frames around.
+/// The pose of a frame at the time of its depth, interpolated between the surrounding frames.
 pub(crate) fn at_depth(poses: &[FinalPose], frame: FrameId, stamp: f64) -> Option<Se3> {
     let at = poses.binary_search_by_key(&frame, |p| p.frame).ok()?;
     let own = &poses[at];

@@ -1,33 +1,33 @@
-//! Rooms of a floor plan: what walls surround and doors lead into.
+//! Segments a floor plan into rooms.
 //!
-//! Answers: which cells are one room. Doors are where walls are near on both sides, and rooms where they are far: a room has a core, which is farther
-//! from all walls than half a door is wide, and everything else belongs to the core that it is nearest to on foot. Furniture is no wall, so that it cuts no
-//! room. (After the distance-transform segmentation in: Bormann et al., Room segmentation: survey, implementation, and analysis, ICRA 2016.)
+//! A door has walls close by on both sides; a room has a core that is farther from all walls than half a door's width, and every other cell
+//! belongs to the core with the shortest path. Furniture does not count as walls, so that it divides no room. (After the distance-transform
+//! segmentation in: Bormann et al., Room segmentation: survey, implementation, and analysis, ICRA 2016.)
 
 use crate::plan::distances;
 
 /// Half the width of the widest door, m.
 const DOOR: f64 = 0.6;
-/// The middle of a room is at least this far from all walls, m: less is a niche or a wide door.
+/// Minimum distance of a room's core from all walls, m: less is a niche or a wide door.
 const ROOM: f64 = 0.85;
-/// What nobody saw between places that somebody did belongs to them up to this distance, m: desks hide the floor behind them.
+/// Maximum width of unseen gaps that are filled, m: desks hide the floor behind them.
 const UNSEEN: f64 = 0.5;
-/// Ground without a core that is a room nevertheless, from this area on, m^2: corridors.
+/// Minimum area of a room without a core, m^2: a corridor.
 const LEAST_AREA: f64 = 2.0;
 
-/// What is known of a cell of a floor plan.
+/// Value of a cell of the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ground {
-    /// Nothing.
+    /// Unobserved.
     Unknown,
-    /// One can be there, or furniture is.
+    /// Free, or furniture.
     Open,
-    /// A wall, or something else as high.
+    /// A wall, or something equally high.
     Wall,
 }
 
-/// The room of each cell of a plan of `width` cells per row, each with a side of `side` m, counted from 1 in the order of their first cells; 0 for none. Cells that
-/// hang together over corners hang together.
+/// The room of each cell of a plan of `width` cells per row, each with a side of `side` m, counted from 1 in the order of their first
+/// cells; 0 for none. Cells are 8-connected.
 #[must_use]
 pub fn rooms(cells: &[Ground], width: usize, side: f64) -> Vec<u32> {
     if cells.is_empty() || width == 0 {
@@ -45,7 +45,7 @@ pub fn rooms(cells: &[Ground], width: usize, side: f64) -> Vec<u32> {
     let mut labels = cores(&inside, &from_wall, width);
     spread(&mut labels, &inside, width);
     corridors(&mut labels, &inside, width, side);
-    // What nobody saw is no part of a room in the end.
+    // Unseen cells are not part of a room in the end.
     let seen = labels
         .iter()
         .zip(&open)
@@ -53,7 +53,6 @@ pub fn rooms(cells: &[Ground], width: usize, side: f64) -> Vec<u32> {
     in_order(seen.collect())
 }
 
-/// The neighbours of a cell.
 pub(crate) fn around(i: usize, width: usize, count: usize) -> impl Iterator<Item = usize> {
     let (x, y) = (i % width, i / width);
     let height = count / width;
@@ -63,7 +62,7 @@ pub(crate) fn around(i: usize, width: usize, count: usize) -> impl Iterator<Item
     })
 }
 
-/// All cells that hang together with one, of those that `belongs` says; they are marked.
+/// All cells connected to one, among those that `belongs` accepts; marks them.
 fn region(
     first: usize,
     width: usize,
@@ -85,7 +84,6 @@ fn region(
     cells
 }
 
-/// Numbers the cores.
 fn cores(inside: &[bool], from_wall: &[f32], width: usize) -> Vec<u32> {
     let far = |i: usize, d: f64| inside[i] && f64::from(from_wall[i]) >= d;
     let mut marked = vec![false; inside.len()];
@@ -104,7 +102,6 @@ fn cores(inside: &[bool], from_wall: &[f32], width: usize) -> Vec<u32> {
     labels
 }
 
-/// Gives cells without a number that of the nearest cell with one, over what is inside.
 fn spread(labels: &mut [u32], inside: &[bool], width: usize) {
     let mut cells: Vec<usize> = (0..labels.len()).filter(|i| labels[*i] > 0).collect();
     let mut next = 0;
@@ -119,7 +116,6 @@ fn spread(labels: &mut [u32], inside: &[bool], width: usize) {
     }
 }
 
-/// Numbers what is inside, hangs together with no core, and is large enough.
 fn corridors(labels: &mut [u32], inside: &[bool], width: usize, side: f64) {
     let mut number = labels.iter().copied().max().unwrap_or(0);
     let mut marked: Vec<bool> = labels.iter().map(|l| *l > 0).collect();
@@ -135,7 +131,6 @@ fn corridors(labels: &mut [u32], inside: &[bool], width: usize, side: f64) {
     }
 }
 
-/// The same labels, numbered in the order of their first cells.
 fn in_order(labels: Vec<u32>) -> Vec<u32> {
     let most = labels.iter().copied().max().unwrap_or(0) as usize;
     let mut numbers = vec![0; most + 1];
@@ -156,7 +151,7 @@ mod tests {
 
     const SIDE: f64 = 0.1;
 
-    /// A plan of walls around `[x0, y0, x1, y1]` (cells, the walls are on them), open inside.
+    /// A plan of walls along `[x0, y0, x1, y1]` (cells), open inside.
     fn plan(width: usize, height: usize, houses: &[[usize; 4]]) -> Vec<Ground> {
         let mut cells = vec![Ground::Unknown; width * height];
         for [x0, y0, x1, y1] in houses {
@@ -180,7 +175,7 @@ mod tests {
         labels.iter().copied().max().unwrap_or(0)
     }
 
-    /// Two rooms of 4 x 3 m with a wall between them and a door of so many cells.
+    /// Two rooms of 4 x 3 m with a wall between them and a door of `door` cells.
     fn two(door: usize) -> Vec<Ground> {
         let mut cells = plan(83, 33, &[[1, 1, 41, 31], [41, 1, 81, 31]]);
         if door > 0 {
@@ -196,7 +191,7 @@ mod tests {
             assert_eq!(count(&labels), expected, "a door of {door} cells");
             assert_eq!(labels[15 * 83 + 20], 1);
             assert_eq!(labels[15 * 83 + 60], expected);
-            // All that is open is of a room, and nothing else.
+            // Exactly the open cells belong to rooms.
             let cells = two(door);
             assert!(
                 labels
@@ -216,7 +211,7 @@ mod tests {
         let labels = rooms(&cells, 83, SIDE);
         assert_eq!(count(&labels), 1);
         assert_eq!(labels[15 * 83 + 41], 0, "nobody was there");
-        // A niche is no room, a corridor on its own is one.
+        // A niche is not a room, a separate corridor is one.
         let mut cells = plan(83, 50, &[[1, 1, 81, 31], [20, 31, 34, 40]]);
         open(&mut cells, 83, [23, 31, 30, 31]);
         assert_eq!(count(&rooms(&cells, 83, SIDE)), 1);
@@ -227,7 +222,6 @@ mod tests {
     }
 
     proptest! {
-        /// However the plan lies, it has the same rooms.
         #[test]
         fn turning_the_plan_by_right_angles_changes_nothing(
             splits in prop::collection::vec((8_usize..32, 3_usize..20, 0_usize..16), 0..3),

@@ -1,25 +1,23 @@
-//! Which blocks a frame says something of.
+//! Finds the blocks that a frame updates.
 //!
-//! Answers: those within the truncation of what is seen, and those that stand where the camera sees through. A set of bits over the box
-//! around the camera's view stands for the first, so that no table is asked thousands of times for the same block.
+//! Those within the truncation of a surface, and existing ones that the camera sees through. A bit set over the box around the view frustum
+//! collects the first, to avoid thousands of hash look-ups of the same block.
 
 use crate::block::{Blocks, Key, SIDE};
 use crate::observation::{Observation, PER_METRE};
 use crate::pixels::{Pixels, TILE};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 
-/// A camera where it stands.
 #[derive(Clone, Copy)]
 pub(crate) struct Stand<'a> {
     pub(crate) camera: &'a Camera,
     pub(crate) world_from_camera: &'a Se3,
-    /// Side of a block, m.
     pub(crate) block: f64,
     /// m.
     pub(crate) truncation: f64,
 }
 
-/// Bits over a box of blocks.
+/// A bit set over a box of blocks.
 #[derive(Default)]
 pub(crate) struct Marks {
     least: [i32; 3],
@@ -27,11 +25,11 @@ pub(crate) struct Marks {
     bits: Vec<u64>,
 }
 
-/// Bits at most: 8 m of view in blocks of 4 cm, with room for any direction.
+/// Maximum number of bits: 8 m of view in blocks of 4 cm, for any direction.
 const MOST_BITS: usize = 1 << 28;
 
 impl Marks {
-    /// Marks every block that a surface is in, or within the truncation of one.
+    /// Marks every block that contains a surface, or is within the truncation of one.
     pub(crate) fn mark(
         &mut self,
         stand: &Stand<'_>,
@@ -52,7 +50,7 @@ impl Marks {
         let half_steps = (2.0 * stand.truncation / stand.block).ceil().max(1.0) as i32;
         let step = stand.truncation as f32 / half_steps as f32;
         let (fx, fy) = (1.0 / camera.fx as f32, 1.0 / camera.fy as f32);
-        // Half of what lies between two rays, in blocks per metre of depth.
+        // Half of the gap between two rays, in blocks per metre of depth.
         let gap = (0.5 * every as f64 / (camera.fx * stand.block)) as f32;
         for v in (every / 2..seen.height).step_by(every) {
             let y = (v as f32 - camera.cy as f32) * fy;
@@ -65,7 +63,7 @@ impl Marks {
                 let depth = (pixel & 0xffff) as f32 * (1.0 / PER_METRE);
                 let x = (u as f32 - camera.cx as f32) * fx;
                 let ray: [f32; 3] = std::array::from_fn(|i| axes[0][i] * x + row[i]);
-                // A cube of voxels at the surface may reach into the next block, and the surface itself between two rays.
+                // A cube of voxels at the surface may extend into the next block, and so may the surface between two rays.
                 let reach = 1.0 / SIDE as f32 + gap * depth;
                 let at: [f32; 3] = std::array::from_fn(|i| origin[i] + ray[i] * depth);
                 for corner in 0..8 {
@@ -82,7 +80,7 @@ impl Marks {
         Some(())
     }
 
-    /// Empties the bits, over the box around all that is seen; `None` where that is boundless.
+    /// Clears the bits, for the box around everything seen; `None` if it is unbounded.
     fn clear(&mut self, stand: &Stand<'_>, [near, far]: [f32; 2]) -> Option<()> {
         let depths = [
             (f64::from(near) - stand.truncation).max(0.0),
@@ -105,7 +103,7 @@ impl Marks {
 
     #[inline(always)]
     fn set(&mut self, at: [f32; 3]) {
-        // Nothing is below the box but by rounding, and there a cast of a negative number gives zero.
+        // Only rounding gives negative numbers, which the cast turns to zero.
         let [x, y, z] = at.map(|v| v as usize);
         let [w, h, d] = self.size;
         if x < w && y < h && z < d {
@@ -114,7 +112,6 @@ impl Marks {
         }
     }
 
-    /// Whether a block is marked.
     fn has(&self, key: Key) -> bool {
         let at = key.xyz();
         let [x, y, z] = std::array::from_fn(|i| at[i].wrapping_sub(self.least[i]) as usize);
@@ -126,7 +123,6 @@ impl Marks {
         self.bits[bit / 64] >> (bit % 64) & 1 == 1
     }
 
-    /// The marked blocks, in the order of their keys.
     pub(crate) fn list(&self, out: &mut Vec<Key>) {
         let [w, h, _] = self.size;
         for (i, word) in self.bits.iter().enumerate() {
@@ -144,7 +140,7 @@ impl Marks {
         }
     }
 
-    /// Existing blocks that are not marked and stand where some pixel sees through them.
+    /// Existing unmarked blocks that some pixel sees through.
     pub(crate) fn seen_through(
         &self,
         stand: &Stand<'_>,
@@ -165,13 +161,13 @@ impl Marks {
     }
 }
 
-/// Pixels from one ray to the next: a third of a block at most at the farthest surface, and few enough that nothing thin is stepped over.
+/// Pixels between rays: at most a third of a block at the farthest surface, and few enough not to miss thin objects.
 fn stride(stand: &Stand<'_>, farthest: f32) -> usize {
     let px = stand.block * stand.camera.fx / (3.0 * f64::from(farthest));
     (px as usize).clamp(1, 8)
 }
 
-/// The keys of the blocks around the camera's view between two depths.
+/// The key range of the blocks around the view frustum between two depths.
 pub(crate) fn bounds(stand: &Stand<'_>, depths: [f64; 2]) -> Option<[[i32; 3]; 2]> {
     let c = stand.camera;
     let (w, h) = (f64::from(c.width), f64::from(c.height));
@@ -193,7 +189,7 @@ pub(crate) fn bounds(stand: &Stand<'_>, depths: [f64; 2]) -> Option<[[i32; 3]; 2
     ])
 }
 
-/// Whether some pixel may see something behind all of a block, or behind a part of it.
+/// Whether some pixel may see through all or a part of a block.
 fn sees_through(stand: &Stand<'_>, camera_from_world: &Se3, pixels: &Pixels, key: Key) -> bool {
     let middle = key.xyz().map(|k| (f64::from(k) + 0.5) * stand.block);
     let p = camera_from_world.transform(&Vec3::from(middle));
@@ -206,7 +202,7 @@ fn sees_through(stand: &Stand<'_>, camera_from_world: &Se3, pixels: &Pixels, key
     let z = nearest.max(0.1);
     let tile = |centre: f64, f: f64, middle: f64, size: u32| {
         let tiles = (f64::from(size) / TILE as f64).ceil();
-        // Both ends of the sphere, by whichever of its depths sees them farther out.
+        // Both ends of the bounding sphere, at the depth that projects them farther out.
         let ends = [centre - radius, centre + radius];
         let of = |v: f64, middle: f64| {
             let (near, far) = (v / z, v / (p.z + radius).max(z));
@@ -233,7 +229,6 @@ fn sees_through(stand: &Stand<'_>, camera_from_world: &Se3, pixels: &Pixels, key
     })
 }
 
-/// The first voxel of a block, m.
 pub(crate) fn origin(key: Key, voxel: f64) -> Vec3 {
     Vec3::from(key.xyz().map(|k| f64::from(k) * SIDE as f64 * voxel))
 }

@@ -1,7 +1,6 @@
-//! The surface as a signed distance, in blocks where there is one.
+//! The surface as a truncated signed distance field, in sparse blocks.
 //!
-//! Answers: which distances are known after some frames from known poses. It uses no events and no map. Code that moves a pose makes a new
-//! volume.
+//! Integrates frames with known poses; independent of events and maps. A changed pose requires a new volume.
 
 use crate::arrivals::Arrivals;
 use crate::block::{Blocks, FULL, Key, SIDE};
@@ -13,7 +12,6 @@ use crate::voxels::{Placed, Rule, Sight, update};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::Simd;
 
-/// Signed distances around the surfaces that were seen.
 pub(crate) struct Volume {
     pub(crate) blocks: Blocks,
     /// m.
@@ -26,14 +24,13 @@ pub(crate) struct Volume {
     scratch: Scratch,
 }
 
-/// Buffers that are used again for every frame.
 #[derive(Default)]
 struct Scratch {
     pixels: Pixels,
     marks: Marks,
     /// Blocks within the truncation of a surface.
     keys: Vec<Key>,
-    /// Other ones that stand where some pixel sees through.
+    /// Other blocks that some pixel sees through.
     through: Vec<Key>,
 }
 
@@ -46,7 +43,6 @@ impl Clone for Volume {
         }
     }
 
-    /// Keeps the memory that it has.
     fn clone_from(&mut self, source: &Self) {
         let (mut blocks, scratch) = (
             std::mem::take(&mut self.blocks),
@@ -75,7 +71,6 @@ impl Volume {
         }
     }
 
-    /// Takes what a frame saw from a pose. `camera` is that of the pinhole image.
     pub(crate) fn integrate(
         &mut self,
         seen: &Observation,
@@ -131,7 +126,7 @@ impl Volume {
             let placed = Placed {
                 first: first.map(|v| v as f32).into(),
                 steps,
-                // So that seeing through counts four times as much as seeing.
+                // Seeing through counts four times as much as seeing a surface.
                 clear_weight: (4.0 * weight_at(middle.z as f32)).round(),
             };
             let before = self.blocks.len();
@@ -139,7 +134,7 @@ impl Volume {
             let is_new = self.blocks.len() > before;
             let block = self.blocks.get_mut(number);
             let learned = update(&sight, &placed, block, self.simd);
-            // What was made for nothing is given back.
+            // Removes a new block without updates.
             if is_new && !learned {
                 self.blocks.remove(number);
             }
@@ -147,7 +142,7 @@ impl Volume {
         self.give_back(seen, stand, scratch);
     }
 
-    /// Gives back the blocks that hold no surface and have none near: all eight of their corners are seen through, by more than a block.
+    /// Removes blocks without a surface in or near them: all eight corners are seen through, by more than a block.
     fn give_back(&mut self, seen: &Observation, stand: &Stand<'_>, scratch: &Scratch) {
         let camera_from_world = stand.world_from_camera.inverse();
         let side = SIDE as f64 * self.voxel;
@@ -168,8 +163,8 @@ impl Volume {
         }
     }
 
-    /// The signed distance at a point of the world, m, by trilinear interpolation; positive where the cameras were. None where one of the eight
-    /// voxels around was never near a surface.
+    /// The signed distance at a world point, m, by trilinear interpolation; positive on the cameras' side. `None` if one of the eight
+    /// voxels was never near a surface.
     pub(crate) fn distance(&self, p: &Vec3) -> Option<f64> {
         let at = p / self.voxel;
         if !at.iter().all(|v| v.abs() < 1e8) {
@@ -191,7 +186,6 @@ impl Volume {
         Some(sum / f64::from(FULL) * self.truncation)
     }
 
-    /// Farthest depth that makes a surface, in units of an observation.
     pub(crate) fn limit(&self) -> u16 {
         (self.max_depth * PER_METRE) as u16
     }
@@ -203,7 +197,7 @@ impl Volume {
         voxel.is_some_and(|(d, w, _)| w > 0 && f32::from(d).abs() < 0.5 * FULL)
     }
 
-    /// Distance, weight and colour of a voxel by its number along each axis.
+    /// Distance, weight and colour of a voxel by its index along each axis.
     pub(crate) fn voxel_at(&self, at: [i32; 3]) -> Option<(i16, u16, u32)> {
         let side = SIDE as i32;
         let [x, y, z] = at.map(|v| v.div_euclid(side));
@@ -217,17 +211,15 @@ impl Volume {
         ))
     }
 
-    /// The pixels of the frame that was integrated last.
     pub(crate) fn pixels(&self) -> &Pixels {
         &self.scratch.pixels
     }
 
-    /// Memory held, bytes.
     pub(crate) fn bytes(&self) -> usize {
         self.blocks.bytes() + self.scratch.pixels.pixels.capacity() * 4
     }
 
-    /// A number that depends on every bit of every block.
+    /// A hash of every bit of every block.
     pub(crate) fn digest(&self) -> u64 {
         let mut f = 0xcbf2_9ce4_8422_2325_u64;
         let mut take = |v: u64| f = (f ^ v).wrapping_mul(0x0100_0000_01b3).rotate_left(23);

@@ -1,15 +1,13 @@
-//! The kernel: what the voxels of one block learn from one frame.
+//! The kernel that updates the voxels of one block with one frame.
 
 use crate::block::{Block, FULL, SIDE};
 use crate::observation::{COLOUR_PX, PER_METRE};
 use crate::pixels::{GAP, NO_GAP};
 use stillpoint_imaging::Simd;
 
-/// A frame as the kernel reads it.
 pub(crate) struct Sight<'a> {
-    /// As [`crate::pixels::Pixels`] has them.
+    /// As in [`crate::pixels::Pixels`].
     pub(crate) pixels: &'a [u32],
-    /// One for every [`COLOUR_PX`] pixels.
     pub(crate) colours: &'a [u32],
     pub(crate) width: usize,
     pub(crate) height: usize,
@@ -19,26 +17,25 @@ pub(crate) struct Sight<'a> {
     pub(crate) rule: Rule,
 }
 
-/// What is the same for all frames.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rule {
     /// m.
     pub(crate) truncation: f32,
-    /// Distance in stored units per metre.
+    /// Stored distance units per metre.
     pub(crate) scale: f32,
-    /// Behind a surface the weight falls from 1, one voxel behind it, to 0 at the truncation: so much per metre.
+    /// Slope of the weight behind a surface, per metre: from 1 at one voxel behind it to 0 at the truncation.
     pub(crate) fall: f32,
-    /// Within this distance of a surface voxels take its colour, m.
+    /// Distance from a surface within which voxels take its colour, m.
     pub(crate) coloured: f32,
 }
 
-/// Least share by which a colour follows what is seen.
+/// Minimum share of a new colour in the running mean.
 pub(crate) const LEAST_MIX: f32 = 1.0 / 16.0;
-/// Weight of a voxel at most: 64 best frames, so that it still learns.
+/// Maximum weight of a voxel: 64 best frames, so that it still adapts.
 pub(crate) const MOST_WEIGHT: f32 = 64.0 * 255.0;
-/// A voxel that is seen through keeps a weight of so many frames at most: no matter how sure it was, it is gone after 12.
+/// Maximum weight of a voxel when it is seen through, in frames: however certain it was, it is removed after 12.
 pub(crate) const SEEN_THROUGH: f32 = 16.0;
-/// Depths nearer than this are behind the camera or in its lens, m.
+/// Minimum depth of a voxel before the camera, m.
 pub(crate) const NEAR: f32 = 0.05;
 
 impl Rule {
@@ -52,19 +49,18 @@ impl Rule {
     }
 }
 
-/// Where a block is, as the camera sees it.
+/// The pose of a block relative to the camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placed {
     /// Its first voxel in camera coordinates, m.
     pub(crate) first: [f32; 3],
     /// From a voxel to the next one along x, y and z.
     pub(crate) steps: [[f32; 3]; 3],
-    /// What a voxel that is seen through learns.
+    /// Weight of a seen-through observation.
     pub(crate) clear_weight: f32,
 }
 
 impl Placed {
-    /// The first voxel of a row.
     #[inline(always)]
     pub(crate) fn row(&self, y: usize, z: usize) -> [f32; 3] {
         let (y, z) = (y as f32, z as f32);
@@ -72,7 +68,7 @@ impl Placed {
     }
 }
 
-/// Whether anything in the block learned of a surface, or was inside of one and is seen through.
+/// Updates a block; returns whether any voxel was near a surface, or was inside of one and is seen through.
 pub(crate) fn update(sight: &Sight<'_>, placed: &Placed, block: &mut Block, simd: Simd) -> bool {
     #[cfg(target_arch = "x86_64")]
     if simd.has_avx2() {
@@ -103,7 +99,7 @@ pub(crate) fn update_scalar(sight: &Sight<'_>, placed: &Placed, block: &mut Bloc
     any
 }
 
-/// One voxel, at `p` in camera coordinates. Projective distance and running mean: Curless, Levoy, SIGGRAPH 1996; Newcombe et al.,
+/// Updates one voxel, at `p` in camera coordinates. Projective distance and running mean: Curless, Levoy, SIGGRAPH 1996; Newcombe et al.,
 /// ISMAR 2011. The weight behind the surface: Bylow et al., RSS 2013.
 #[inline(always)]
 fn learn(sight: &Sight<'_>, clear: f32, p: [f32; 3], index: usize, block: &mut Block) -> bool {
@@ -128,7 +124,7 @@ fn learn(sight: &Sight<'_>, clear: f32, p: [f32; 3], index: usize, block: &mut B
     let measured = pixel & 0xffff > 0;
     let is_band = seen > 0 && distance >= -t && distance <= t;
     let old = f32::from(block.distance[index]);
-    // What is outside of the surface anyway has nothing to learn from that.
+    // Seeing through does not affect voxels outside of a surface.
     let inside = known > 0.0 && old < 0.0;
     let through = measured && distance - gap as f32 * GAP > t && gap != NO_GAP;
     let clears = through && inside;
@@ -147,7 +143,7 @@ fn learn(sight: &Sight<'_>, clear: f32, p: [f32; 3], index: usize, block: &mut B
     };
     let total = before + weight;
     let mean = ((old * before + target * weight) / total).round_ties_even();
-    // What was inside and is no more is free.
+    // A voxel that is no longer inside becomes free.
     let freed = !is_band && mean >= 0.0;
     block.distance[index] = if freed { FULL } else { mean } as i16;
     block.weight[index] = if freed { clear } else { total.min(MOST_WEIGHT) } as u16;
@@ -159,13 +155,12 @@ fn learn(sight: &Sight<'_>, clear: f32, p: [f32; 3], index: usize, block: &mut B
     true
 }
 
-/// Red, green and blue of a voxel.
 #[inline(always)]
 fn mixed(old: u32, new: u32, mix: f32, coloured: bool) -> u32 {
     if !coloured {
         return old & 0xff_ffff;
     }
-    // One that has none yet takes it as it is.
+    // The first colour is taken unchanged.
     let mix = if old & 0xff_ffff == 0 { 1.0 } else { mix };
     let channel = |shift: u32| {
         let (a, b) = ((old >> shift & 255) as f32, (new >> shift & 255) as f32);
@@ -174,7 +169,6 @@ fn mixed(old: u32, new: u32, mix: f32, coloured: bool) -> u32 {
     channel(0) | channel(8) | channel(16)
 }
 
-/// In how many frames a surface was seen.
 #[inline(always)]
 fn counted(colour: u32, is_band: bool, freed: bool) -> u32 {
     let count = colour >> 24;

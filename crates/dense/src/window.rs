@@ -1,22 +1,22 @@
-//! A block with what borders on it, and distances that are carried on by a voxel where none were measured.
+//! A block with its neighbourhood, and extrapolation of distances by one voxel.
 
 use crate::block::{Block, Key, SIDE};
 use crate::volume::Volume;
 
-/// Voxels before the first cube of a block, and behind its last one, that are looked at.
+/// Number of voxels before the first cube of a block, and after its last one.
 pub(crate) const MARGIN: usize = 2;
-/// Corners along a side of a block's cubes, and all that is looked at.
+/// Corners along a side of a block's cubes, and along a side of the window.
 const CORNERS: usize = SIDE + 1;
 pub(crate) const WIDE: usize = CORNERS + 2 * MARGIN;
 const ALL: usize = WIDE * WIDE * WIDE;
 
-/// A block and what borders on it; the block's first voxel is at `MARGIN`.
+/// A block with its neighbourhood; the block's first voxel is at `MARGIN`.
 pub(crate) struct Window {
     pub(crate) distance: [i16; ALL],
     pub(crate) weight: [u16; ALL],
     pub(crate) colour: [u32; ALL],
     pub(crate) measured: [bool; ALL],
-    /// Seen through and nothing else.
+    /// Seen through and never near a surface.
     pub(crate) empty: [bool; ALL],
     known: [bool; ALL],
 }
@@ -25,7 +25,7 @@ pub(crate) fn wide([x, y, z]: [usize; 3]) -> usize {
     (z * WIDE + y) * WIDE + x
 }
 
-/// From the first voxel of a block to one of a window along an axis: blocks, and voxels in there.
+/// Block offset and voxel index of a window index along an axis.
 fn apart(i: usize) -> (i32, usize) {
     let from = i as i32 - MARGIN as i32;
     let side = SIDE as i32;
@@ -44,7 +44,7 @@ impl Window {
         })
     }
 
-    /// Fills it; false where the surface does not run through.
+    /// Fills it; false if the surface does not cross it.
     pub(crate) fn fill(&mut self, volume: &Volume, key: Key, min_seen: u32) -> bool {
         let around: [Option<&Block>; 27] = std::array::from_fn(|n| {
             let off = [n % 3, n / 3 % 3, n / 9].map(|v| v as i32 - 1);
@@ -79,8 +79,8 @@ impl Window {
         inside && outside
     }
 
-    /// Carries distances on by one voxel, along straight lines, but not to where the camera saw through: what was measured ends somewhere within the
-    /// cubes at its border, whose other corners no ray came near.
+    /// Extrapolates distances by one voxel along straight lines, except into seen-through space: at the border of the measured space, cubes
+    /// have corners that no ray came near.
     pub(crate) fn extend(&mut self) {
         let corners = MARGIN..MARGIN + CORNERS;
         for z in corners.clone() {
@@ -95,7 +95,6 @@ impl Window {
         }
     }
 
-    /// The mean over all directions in which two voxels are measured.
     fn guess(&mut self, at: usize) {
         let (mut sum, mut count, mut colour) = (0, 0, 0);
         for step in [1, WIDE, WIDE * WIDE] {
@@ -120,7 +119,7 @@ impl Window {
         }
     }
 
-    /// The case of a cube; none where one of its corners is not known.
+    /// The case of a cube; `None` if one of its corners is unknown.
     pub(crate) fn case(&self, at: [usize; 3]) -> Option<u8> {
         let (mut case, mut measured) = (0, 0_u8);
         for corner in 0..8 {
@@ -131,7 +130,7 @@ impl Window {
             case |= u8::from(self.distance[i] < 0) << corner;
             measured |= u8::from(self.measured[i]) << corner;
         }
-        // The surface was measured to run through the cube.
+        // Requires that measured corners alone show a crossing.
         (measured & case != 0 && measured & !case != 0 && measured.count_ones() >= 4)
             .then_some(case)
     }

@@ -1,4 +1,4 @@
-//! What was fused: surface and coarse grid, with the questions that they answer.
+//! The dense map: surface and coarse grid with their queries.
 
 use crate::arrivals::Arrivals;
 use crate::block::SIDE;
@@ -11,7 +11,7 @@ use crate::volume::Volume;
 use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::Simd;
 
-/// Surface and grid of everything that stood still.
+/// Surface and coarse grid of the static scene.
 pub struct DenseMap {
     pub(crate) volume: Volume,
     pub(crate) cells: Cells,
@@ -21,17 +21,17 @@ pub struct DenseMap {
     arrivals: Arrivals,
 }
 
-/// A frame says of no longer than this what stood before it, hundredths of a second.
+/// Maximum time that one frame adds to the observation of a new surface, hundredths of a second.
 const MOST_ELAPSED: f64 = 50.0;
 
-/// What is known of a cell of the coarse grid.
+/// Value of a cell of the coarse grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Occupancy {
-    /// A surface is in it.
+    /// Contains a surface.
     Occupied,
     /// Cameras saw through it.
     Free,
-    /// Nothing is known.
+    /// Unobserved.
     Unknown,
 }
 
@@ -46,7 +46,6 @@ impl Clone for DenseMap {
         }
     }
 
-    /// Keeps the memory that it has.
     fn clone_from(&mut self, source: &Self) {
         self.volume.clone_from(&source.volume);
         self.cells.blocks.clone_from(&source.cells.blocks);
@@ -58,7 +57,6 @@ impl Clone for DenseMap {
 }
 
 impl DenseMap {
-    /// An empty map.
     pub(crate) fn new(config: &DenseConfig, simd: Simd) -> Self {
         Self {
             volume: Volume::new(config, simd),
@@ -69,7 +67,6 @@ impl DenseMap {
         }
     }
 
-    /// An empty map with the same settings.
     pub(crate) fn emptied(&self) -> Self {
         let config = DenseConfig {
             voxel: self.volume.voxel,
@@ -80,7 +77,6 @@ impl DenseMap {
         Self::new(&config, self.volume.simd)
     }
 
-    /// Takes what a frame saw from a pose. `camera` is that of the pinhole image.
     pub(crate) fn integrate(&mut self, seen: &Observation, camera: &Camera, pose: &Se3) {
         if pose.is_finite() && seen.width > 0 && seen.height > 0 {
             let elapsed = self.elapsed(seen.depth_stamp);
@@ -104,7 +100,7 @@ impl DenseMap {
         }
     }
 
-    /// Hundredths of a second since the frame before, by their stamps: rounded stamps are compared, so that no rounding adds up.
+    /// Hundredths of a second since the previous frame: a difference of rounded stamps, so that rounding does not accumulate.
     fn elapsed(&mut self, stamp: f64) -> u16 {
         let now = (stamp * 100.0).round();
         let last = self.last_stamp.replace(now);
@@ -117,14 +113,14 @@ impl DenseMap {
         self.volume.mesh(options)
     }
 
-    /// The signed distance at a point of the world (m) to the nearest surface along the cameras' rays, m: positive before it, negative
-    /// behind. None farther from any surface than the truncation, and where nothing was seen.
+    /// The signed distance from a world point (m) to the nearest surface along the cameras' rays, m: positive before it, negative behind.
+    /// `None` beyond the truncation, and where unobserved.
     #[must_use]
     pub fn distance(&self, p: &Vec3) -> Option<f64> {
         self.volume.distance(p)
     }
 
-    /// What is known of the cell of the coarse grid that a point of the world (m) is in.
+    /// The coarse grid's value at a world point (m).
     #[must_use]
     pub fn occupancy(&self, p: &Vec3) -> Occupancy {
         let at = p / self.cells.side;
@@ -134,7 +130,7 @@ impl DenseMap {
         self.cell(at.map(|v| v.floor() as i32).into())
     }
 
-    /// Frames in which something that moves was in the cell of a point of the world (m).
+    /// Number of frames with a moving object in the cell of a world point (m).
     #[must_use]
     pub fn crossed(&self, p: &Vec3) -> u16 {
         let at = p / self.cells.side;
@@ -156,7 +152,7 @@ impl DenseMap {
         self.cells.side
     }
 
-    /// Blocks of 8x8x8 voxels.
+    /// Number of blocks of 8x8x8 voxels.
     #[must_use]
     pub fn blocks(&self) -> usize {
         self.volume.blocks.len()
@@ -168,7 +164,7 @@ impl DenseMap {
         self.volume.bytes() + self.cells.bytes()
     }
 
-    /// A number that depends on every bit of surface and grid.
+    /// A hash of every bit of surface and grid.
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut f = self.volume.digest();
@@ -188,7 +184,7 @@ impl DenseMap {
         self.max_depth
     }
 
-    /// Calls `f` with every cell that is occupied or free, by its number along each axis; each once, in the order of z, y, x.
+    /// Calls `f` once with every occupied or free cell, by its index along each axis, in the order of z, y, x.
     pub(crate) fn for_each_known(&self, mut f: impl FnMut([i32; 3], Occupancy)) {
         let mut known = Vec::new();
         self.cells.for_each(|at, free, _| {
@@ -200,7 +196,7 @@ impl DenseMap {
             let [x, y, z] = self.cell_of(&p);
             known.push(([z, y, x], false));
         });
-        // A surface comes before free space, and of each cell the first counts.
+        // Occupied sorts before free, and the first entry of each cell counts.
         known.sort_unstable();
         known.dedup_by_key(|k| k.0);
         for ([z, y, x], free) in known {
@@ -213,14 +209,13 @@ impl DenseMap {
         }
     }
 
-    /// The cells that a surface is in, some more than once.
     pub(crate) fn cells_with_surface(&self) -> Vec<[i32; 3]> {
         let mut cells = Vec::new();
         self.for_each_crossing(|p| cells.push(self.cell_of(&p)));
         cells
     }
 
-    /// Calls `f` with each point (m) in which the surface crosses the line between two voxels.
+    /// Calls `f` with each point (m) where the surface crosses the line between two voxels.
     fn for_each_crossing(&self, mut f: impl FnMut(Vec3)) {
         for (key, number) in self.volume.blocks.sorted() {
             let base = key.xyz().map(|k| k * SIDE as i32);
@@ -237,7 +232,6 @@ impl DenseMap {
         }
     }
 
-    /// Where the surface crosses the line from a voxel to the next one along an axis, m.
     fn crossing(&self, at: [i32; 3], axis: usize) -> Option<Vec3> {
         let known = |at: [i32; 3]| {
             let (d, w, c) = self.volume.voxel_at(at)?;
@@ -256,12 +250,10 @@ impl DenseMap {
         Some(p * self.volume.voxel)
     }
 
-    /// The cell that a point (m) is in.
     fn cell_of(&self, p: &Vec3) -> [i32; 3] {
         (p / self.cells.side).map(|v| v.floor() as i32).into()
     }
 
-    /// What is known of a cell by its number along each axis.
     pub(crate) fn cell(&self, at: [i32; 3]) -> Occupancy {
         if self.has_surface(at) {
             Occupancy::Occupied
@@ -277,8 +269,7 @@ impl DenseMap {
         let ratio = self.cells.side / self.volume.voxel;
         let range = |i: i32| {
             let low = (f64::from(i) * ratio).ceil() as i32;
-            // A line begins at a voxel in the cell, or at the one before; and a voxel on the border of two cells is in the one that rounding
-            // puts it in.
+            // A line begins at a voxel in the cell or the previous one; rounding decides for a voxel on the border of two cells.
             low - 1..((f64::from(i) + 1.0) * ratio).ceil() as i32 + 1
         };
         let [xs, ys, zs] = at.map(range);
@@ -299,7 +290,7 @@ mod tests {
     use crate::Fuser;
     use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 
-    /// What is listed, and what is answered.
+    /// Lists and queries agree.
     #[test]
     fn every_cell_is_told_alike_by_lists_and_by_questions() {
         let (w, h) = (80, 60);

@@ -1,4 +1,4 @@
-//! Dense maps as bytes: read back, or refused in words.
+//! Serialised dense maps: round trips, and errors.
 
 use crate::room::{config, simulator};
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! Things hang on keyframes: what corrects the poses of these moves them.
+//! Objects are anchored to keyframes, and follow their corrections.
 
 use crate::things::{desk, listed, told, view};
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use stillpoint_geometry::{Se3, Vec3, so3};
 use stillpoint_map::{Correction, Map, MapView, PoseCorrection};
 use stillpoint_slam::Subscriber;
 
-/// The map of the run with keyframe `k` of `n` moved by `moves(k / (n - 1))`; then the same after a correction that puts all back.
+/// The map of the run with keyframe `k` of `n` moved by `moves(k / (n - 1))`, and the map after a correction that reverts this.
 fn astray(moves: &dyn Fn(f64) -> Se3) -> [Arc<MapView>; 2] {
     let right = view();
     let last = (right.keyframes().count() - 1) as f64;
@@ -35,7 +35,7 @@ fn things() -> Things {
     things
 }
 
-/// By screen and keyboard of the first list, how far the nearest one of its class in the second is.
+/// For each screen and keyboard of the first list, the distance to the nearest one of its class in the second.
 fn apart(first: &[Thing], second: &[Thing], expected: &Se3) -> Vec<f64> {
     let of = |class: &'static str| {
         let all = listed(second, class);
@@ -50,27 +50,27 @@ fn apart(first: &[Thing], second: &[Thing], expected: &Se3) -> Vec<f64> {
     apart
 }
 
-/// A loop closes, and all that was gathered before turns and moves as one.
+/// After a loop closure everything collected before moves rigidly.
 #[test]
 fn what_turns_as_one_keeps_its_things() {
     let turn = Se3::new(so3::exp(&(0.3 * Vec3::y())), Vec3::new(0.8, 0.0, 0.5));
     let [wrong, right] = astray(&|_| turn);
     let gathered = things();
     let before = gathered.at(&wrong);
-    // What a map file keeps moves as what is gathered does.
+    // Stored objects move like collected ones.
     let kept = ThingMap::from_bytes(&before.to_bytes()).unwrap();
     let was = before.list(&wrong);
     for after in [gathered.at(&right).list(&right), kept.list(&right)] {
         let moved = apart(&was, &after, &turn.inverse());
         assert!(moved.iter().all(|d| *d < 0.05), "{moved:?}");
-        // The control: without the correction they are somewhere else.
+        // Control: without the correction they are elsewhere.
         let unmoved = apart(&was, &after, &Se3::identity());
         assert!(unmoved.iter().all(|d| *d > 0.3), "{unmoved:?}");
     }
     assert_eq!(kept.list(&wrong), was);
 }
 
-/// Poses drift apart, and a pose graph brings them together: things are then where they would be without any drift.
+/// Poses drift apart, and a pose graph corrects them: objects are then where they would be without drift.
 #[test]
 fn what_drifts_apart_is_brought_together() {
     let drift = |share: f64| {
@@ -83,7 +83,7 @@ fn what_drifts_apart_is_brought_together() {
     let after = gathered.at(&right).list(&right);
     let same = apart(&never, &after, &Se3::identity());
     assert!(same.iter().all(|d| *d < 1e-6), "{same:?}");
-    // The control: with the drift they are off, or are not told to be one thing at all.
+    // Control: with the drift they are off, or are not merged.
     let off = apart(&never, &gathered.at(&wrong).list(&wrong), &Se3::identity());
     assert!(off.iter().any(|d| *d > 0.1), "{off:?}");
 }

@@ -1,4 +1,4 @@
-//! The map follows the poses.
+//! The map follows corrected poses.
 
 use crate::room::{Run, config, dense, run};
 use std::sync::{Arc, OnceLock};
@@ -14,7 +14,7 @@ fn desk() -> &'static Run {
     static RUN: OnceLock<Run> = OnceLock::new();
     RUN.get_or_init(|| {
         let mut run = run("xyz", FRAMES);
-        // As after the first second, in which all weighs less, and with nothing that seems to move.
+        // Without the reduced weights of the first second, and without movers.
         for event in &mut run.events {
             if let Event::Frame(frame) = event {
                 let mut settled = FrameEvent::clone(frame);
@@ -33,7 +33,7 @@ fn fed(config: &DenseConfig) -> Dense {
     dense
 }
 
-/// The pose of a frame when its depth was taken.
+/// The pose of a frame at the time of its depth.
 fn at_depth(poses: &[FinalPose], i: usize) -> Se3 {
     let stamp = desk().simulator.depth_stamp(i);
     let own = &poses[i];
@@ -61,7 +61,7 @@ fn the_end_is_a_fresh_integration_at_the_final_poses() {
     assert_eq!(found.digest(), fresh.map().digest());
     assert_eq!(found.to_bytes(), fresh.map().to_bytes());
     assert!(found.mesh(&MeshOptions::default()).area() > 1.0);
-    // Another order would not be the same: the comparison means something.
+    // Control: another order gives another result.
     let mut other = Fuser::new(&config(), room.camera(), Simd::detect()).unwrap();
     for frame in taken.iter().rev() {
         let i = frame.0 as usize;
@@ -70,11 +70,11 @@ fn the_end_is_a_fresh_integration_at_the_final_poses() {
     assert_ne!(found.digest(), other.map().digest());
 }
 
-/// In a live run the events of other stages come when they come.
+/// In a live run the events of other stages may arrive in any order.
 #[test]
 fn the_order_of_what_does_not_depend_on_each_other_makes_no_difference() {
     let whole = fed(&config());
-    // All versions of the map as early as can be.
+    // All map versions as early as possible.
     let mut early = dense(desk(), &config());
     let (views, frames): (Vec<&Event>, Vec<&Event>) =
         desk().events.iter().partition(|e| e.view().is_some());
@@ -114,7 +114,7 @@ fn images_that_are_missing_are_counted() {
     );
 }
 
-/// The map of a run, shifted; with a version that is later than all those of the run.
+/// The map of a run, shifted, with a version newer than all those of the run.
 fn shifted(by: f64, later: u64) -> Arc<MapView> {
     let views = desk().events.iter().filter_map(Event::view);
     let last = views.max_by_key(|v| v.version()).unwrap();
@@ -131,7 +131,7 @@ fn shifted(by: f64, later: u64) -> Arc<MapView> {
     view
 }
 
-/// A correction, and as many frames without a picture as it takes to carry it out.
+/// Applies a correction, with as many frames without an image as it takes.
 fn correct(dense: &mut Dense, view: &Arc<MapView>) -> usize {
     let report = CorrectionReport {
         map_version: view.version(),
@@ -169,7 +169,7 @@ fn centre(map: &DenseMap) -> Vec3 {
 fn a_correction_moves_the_surface_a_few_frames_per_event() {
     let mut dense = fed(&config());
     let before = centre(dense.map());
-    // Less than half a voxel: nothing is done.
+    // Less than half a voxel: no rebuild.
     assert_eq!(correct(&mut dense, &shifted(0.015, 1)), 100);
     assert_eq!(centre(dense.map()), before);
     let events = correct(&mut dense, &shifted(0.5, 2));
@@ -177,7 +177,7 @@ fn a_correction_moves_the_surface_a_few_frames_per_event() {
     assert_eq!(events, kept.div_ceil(config().rebuild_per_event));
     let moved = centre(dense.map()) - before;
     assert!((moved.x - 0.5).abs() < 0.05, "{moved:?}");
-    // It is what fusing there from the beginning gives.
+    // Equal to fusing there from the beginning.
     let again = correct(&mut dense, &shifted(0.5, 3));
     assert_eq!(again, 100);
     let digest = dense.map().digest();
@@ -200,7 +200,7 @@ fn beyond_the_budget_old_frames_stay_where_they_were() {
     assert!(counts.kept_bytes <= small.depth_budget, "{counts:?}");
     let whole = fed(&config());
     assert!(dense.bytes() - dense.map().bytes() < whole.bytes());
-    // What was given up is in the end too, and did not move.
+    // Frames without depth are in the final map too, and did not move.
     correct(&mut dense, &shifted(0.5, 6));
     let (both, all) = (dense.map().blocks(), whole.map().blocks());
     assert!(
@@ -245,7 +245,7 @@ fn space_before_a_surface_is_free_and_behind_it_unknown() {
     let mut counts = [0; 4];
     for i in 0..mesh.positions.len() as u32 {
         let p = mesh.position(i);
-        // Where the surface is carried on beyond what was measured, the grid knows nothing.
+        // Where the surface is extrapolated, the grid is unknown.
         if map.distance(&p).is_none() {
             continue;
         }

@@ -1,6 +1,6 @@
 //! Tests of the public interface.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise helpers as tests.
 
 mod bytes;
 mod corrected_things;

@@ -1,4 +1,4 @@
-//! Two maps of one room, each in its own axes, as one.
+//! Merges two maps of one room, each in its own axes.
 
 use crate::room::{config, simulator};
 use stillpoint_dense::{
@@ -10,7 +10,7 @@ use stillpoint_simulator::{Simulator, Surfaces, share_near};
 
 const FRAMES: usize = 60;
 
-/// Some frames of a room at true poses, in axes in which the true world lies so.
+/// Some frames of a room at true poses, in transformed axes.
 fn fused(
     room: &Simulator,
     frames: impl Iterator<Item = usize>,
@@ -26,7 +26,7 @@ fn fused(
     fuser.map().clone()
 }
 
-/// Mean distance of what was measured to the true surface, and the share that is farther than 10 cm.
+/// Mean distance of the measured surface to the true one, and the share beyond 10 cm.
 fn errors(room: &Simulator, map: &DenseMap) -> [f64; 2] {
     let truth = Surfaces::new(room.static_surfaces());
     let mesh = map.mesh(&MeshOptions::default());
@@ -38,7 +38,7 @@ fn errors(room: &Simulator, map: &DenseMap) -> [f64; 2] {
     [errors.iter().sum::<f64>() / n, far / n]
 }
 
-/// The share of a mesh's corners that have one of another mesh within a distance, m.
+/// The share of a mesh's vertices that have one of another mesh within a distance, m.
 fn covered(mesh: &Mesh, by: &DenseMap, within: f64) -> f64 {
     let corners = |mesh: &Mesh| -> Vec<Vec3> {
         let all = 0..mesh.positions.len() as u32;
@@ -48,7 +48,7 @@ fn covered(mesh: &Mesh, by: &DenseMap, within: f64) -> f64 {
     share_near(&corners(mesh), &corners(&by), within)
 }
 
-/// Of the cells that a plan knows: those that another one tells alike, those that are occupied and that it calls free, and the others.
+/// For the known cells of a plan: those equal in another one, those occupied here and free there, and the others.
 fn compared(one: &Plan, other: &Plan) -> [usize; 3] {
     let mut counts = [0; 3];
     let world_from_level = one.floor.level_from_world().transpose();
@@ -66,7 +66,7 @@ fn compared(one: &Plan, other: &Plan) -> [usize; 3] {
     counts
 }
 
-/// The second part in voxels of the same size, and of another one.
+/// The second part has voxels of the same size, or of another.
 #[test]
 fn two_parts_of_a_room_become_one() {
     let room = simulator("halfsphere", FRAMES);
@@ -91,7 +91,7 @@ fn two_parts_of_a_room_become_one() {
         let [alone, there] = [&first, &map].map(|map| covered(&mesh, map, 0.04));
         println!("of the surface of one run {there} is there, {alone} by the first part");
         assert!(there > 0.94 && alone < 0.6, "{there} {alone}");
-        // Control: put together as if the axes were the same.
+        // Control: merged without the transform.
         let mut wrong = first.clone();
         wrong.absorb(&second, &truth).unwrap();
         let wrong = errors(&room, &wrong);

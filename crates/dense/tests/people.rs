@@ -1,4 +1,4 @@
-//! The room without the people.
+//! Tests of the scene without people.
 
 use crate::room::{config, simulator};
 use stillpoint_dense::{DenseConfig, Fuser, MeshOptions};
@@ -23,9 +23,9 @@ fn what_moves_is_not_in_the_surface_and_is_counted_where_it_was() {
         let errors: Vec<f64> = (0..count as u32)
             .map(|i| truth.distance(&mesh.position(i)))
             .collect();
-        // Of a wall at 4 m one frame in a hundred is 10 cm off, with these few frames and wide voxels.
+        // At 4 m, one frame in a hundred is 10 cm off on a wall, with these few frames and wide voxels.
         let far = errors.iter().filter(|e| **e > 0.15).count() as f64 / count as f64;
-        // Of what was measured, not of what is carried on by a voxel at borders.
+        // Only measured parts, without those extrapolated at borders.
         let measured = |i: &usize| fuser.map().distance(&mesh.position(*i as u32)).is_some();
         let near: Vec<f64> = (0..count)
             .filter(measured)
@@ -48,7 +48,7 @@ fn what_moves_is_not_in_the_surface_and_is_counted_where_it_was() {
     assert!(crossed > 5 && none == 0, "{crossed} {none}");
 }
 
-/// A box before a wall, which comes after a second: until it has stood for 10 s, however many frames that are, it is not part of the room.
+/// A box before a wall, which appears after a second: it becomes part of the map after 10 s, independent of the number of frames.
 #[test]
 fn what_comes_into_free_space_has_to_stand_for_a_while() {
     let (w, h) = (64, 48);
@@ -90,14 +90,14 @@ fn what_comes_into_free_space_has_to_stand_for_a_while() {
         add(&mut fuser, true, [10.0, 15.0], rate);
         let (after, _) = surface(&fuser);
         assert!(after > 100, "{after} at {rate} Hz");
-        // A gap says nothing of what stood there.
+        // Time without observation does not count.
         let mut gone = Fuser::new(&config, &camera, Simd::detect()).unwrap();
         add(&mut gone, false, [0.0, 2.0], rate);
         add(&mut gone, true, [2.0, 3.0], rate);
         add(&mut gone, true, [60.0, 61.0], rate);
         assert_eq!(surface(&gone).0, 0);
     }
-    // One that is there from the beginning need not wait.
+    // A box present from the beginning is taken in at once.
     let mut other = Fuser::new(&config, &camera, Simd::detect()).unwrap();
     add(&mut other, true, [0.0, 1.0], 5.0);
     assert!(surface(&other).0 > 100);

@@ -1,4 +1,4 @@
-//! A simulated room, and what happens while the system runs through it.
+//! A simulated room, and a run of the system through it.
 
 use stillpoint_dense::{Dense, DenseConfig, FinalPose};
 use stillpoint_geometry::Camera;
@@ -17,7 +17,7 @@ pub(crate) fn simulator(scene: &str, frames: usize) -> Simulator {
     .unwrap()
 }
 
-/// What the system said of a recording, and its final poses.
+/// The events of a run over a recording, and its final poses.
 pub(crate) struct Run {
     pub(crate) simulator: Simulator,
     pub(crate) events: Vec<Event>,

@@ -1,4 +1,4 @@
-//! What stands in the room, with boxes that are exact.
+//! Objects in the room, from exact boxes.
 
 use crate::room::{Run, run};
 use std::sync::{Arc, OnceLock};
@@ -35,7 +35,7 @@ fn object(seen: &MoverBox, class: &str, depths: [f64; 2]) -> Object {
     }
 }
 
-/// A run in which all things are tracked exactly. `edit` changes what a frame's event says.
+/// The events of a run in which all objects are tracked exactly; `edit` modifies a frame's event.
 pub(crate) fn told(edit: &dyn Fn(usize, &mut FrameEvent)) -> Vec<Event> {
     let change = |event: &Event| match event {
         Event::Frame(frame) => {
@@ -82,7 +82,6 @@ fn gathered(events: &[Event], known: Option<ThingMap>) -> ThingMap {
     things.at(&view())
 }
 
-/// In the room's axes.
 fn place(thing: &Thing) -> Vec3 {
     let first = desk().simulator.world_from_camera(0.0);
     let room_from_map: Se3 = first * desk().poses[0].world_from_camera.inverse();
@@ -121,12 +120,12 @@ fn the_same_events_give_the_same_bytes_and_bytes_the_same_things() {
     let read = ThingMap::from_bytes(&bytes).unwrap();
     assert!(read == map);
     assert_eq!(read.list(&view()), map.list(&view()));
-    // Without any look nothing changes, and a second run over the same room adds nothing.
+    // Without views nothing changes, and a second run over the same room adds nothing.
     let mut idle = Things::new(&ThingsConfig::default(), desk().simulator.camera())
         .starting_with(read.clone());
     idle.receive_all(&[]);
     assert!(idle.at(&view()).to_bytes() == bytes);
-    // What was found too seldom to be listed may be listed now, but nothing is there twice.
+    // Objects with too few detections may be listed now, but none twice.
     let again = gathered(&told(&|_, _| ()), Some(read)).list(&view());
     let before = map.list(&view());
     for class in ["tv", "keyboard", "cup"] {
@@ -162,7 +161,7 @@ fn people_and_what_moves_are_no_things() {
     assert!(gathered(&moving, None).list(&view()).is_empty());
 }
 
-/// From some frame on the screens are not there: the camera sees a metre farther in their place.
+/// The screens are removed at some frame: the camera sees a metre farther at their place.
 #[test]
 fn what_is_carried_away_is_gone() {
     let screen = ClassId::from_name("tv").unwrap();
@@ -199,13 +198,13 @@ fn what_is_carried_away_is_gone() {
     let gone = gathered(&taken(FRAMES / 2), None).list(&view());
     assert!(listed(&gone, "tv").is_empty(), "{gone:?}");
     assert!(!listed(&gone, "keyboard").is_empty());
-    // What an earlier run knew goes as well.
+    // Objects known from an earlier run are removed too.
     let known = gathered(&taken(FRAMES), None);
     let gone = gathered(&taken(0), Some(known)).list(&view());
     assert!(listed(&gone, "tv").is_empty(), "{gone:?}");
 }
 
-/// Of the keyboards only the left third has depth, as at the border of an image: the rest of their boxes says nothing of where they are.
+/// Only the left third of each keyboard has depth, as at an image border: the rest of their boxes does not locate them.
 #[test]
 fn what_has_depth_in_part_is_found() {
     let keyboard = ClassId::from_name("keyboard").unwrap();
@@ -239,7 +238,7 @@ fn what_walls_do_not_part_is_one_room_and_all_things_are_in_it() {
     assert!(rooms[0].number == 1 && (1.0..40.0).contains(&rooms[0].area));
     let list = map.list(&view());
     assert!(list.len() > 3 && list.iter().all(|t| t.room == Some(1)));
-    // What was written and read is the same room, and a run that goes on keeps it one.
+    // A round trip keeps the room, and so does a continued run.
     let read = ThingMap::from_bytes(&map.to_bytes()).unwrap();
     assert_eq!(read.rooms(&view()), rooms);
     let again = gathered(&told(&|_, _| ()), Some(read)).rooms(&view());
@@ -249,13 +248,13 @@ fn what_walls_do_not_part_is_one_room_and_all_things_are_in_it() {
     );
 }
 
-/// The same map twice: what both know is there once.
+/// Joining a map with itself keeps each object once.
 #[test]
 fn joined_maps_know_each_thing_once() {
     let map = gathered(&told(&|_, _| ()), None);
     let joined = ThingMap::joined(&map, &map, 0, &view());
     let (before, after) = (map.list(&view()), joined.list(&view()));
-    // What was found too seldom to be listed may be listed now.
+    // Objects with too few detections may be listed now.
     for a in &before {
         let same = |b: &&Thing| b.class == a.class && b.found == 2 * a.found;
         let near = |b: &&Thing| (a.bounds.centre - b.bounds.centre).norm() < 0.03;
@@ -263,12 +262,13 @@ fn joined_maps_know_each_thing_once() {
         assert_eq!(found, 1, "{a:?} in {after:?}");
     }
     assert_eq!(joined.rooms(&view()), map.rooms(&view()));
-    // Of keyframes that the map does not have nothing is listed, and nothing is lost.
+    // Objects of keyframes that the map lacks are not listed, but kept.
     let elsewhere = ThingMap::joined(&ThingMap::default(), &map, 100_000, &view());
     assert!(elsewhere.list(&view()).is_empty() && !elsewhere.is_empty());
 }
 
-/// All that happens with a black chair in it that is not rendered: in its box, whose middle on the floor is `at` in each frame, nothing is measured.
+/// The events of the run with a black chair added without rendering: in its box, whose centre on the floor is `at` in each frame, nothing
+/// is measured.
 fn with_black_chair(at: &dyn Fn(usize) -> [f64; 2]) -> Vec<Event> {
     let table = ClassId::from_name("dining table").unwrap();
     told(&|i, frame| {
@@ -323,7 +323,7 @@ fn with_black_chair(at: &dyn Fn(usize) -> [f64; 2]) -> Vec<Event> {
 
 #[test]
 fn a_black_chair_is_found_by_its_boxes() {
-    // On the floor in the middle of what is in sight.
+    // On the floor in the centre of the view.
     let pose = desk().simulator.world_from_camera(0.8);
     let ahead = (pose.rotation * Vec3::z()).xy().normalize();
     let chair = pose.translation.xy() + 2.2 * ahead;
@@ -338,7 +338,7 @@ fn a_black_chair_is_found_by_its_boxes() {
         found.len() == 1 && off.is_some_and(|off| off < 0.2),
         "{found:?} {off:?}"
     );
-    // The control: boxes that are now of one chair, now of another say nothing.
+    // Control: boxes that alternate between two chairs give no location.
     let across = stillpoint_geometry::Vec2::new(-ahead.y, ahead.x);
     let two =
         |i: usize| (chair + if (i / 3).is_multiple_of(2) { 0.4 } else { -0.4 } * across).into();

@@ -1,35 +1,35 @@
-//! Whether depth is in metres.
+//! Checks that depth is in metres.
 //!
-//! Answers: how far things are, and in which steps depth comes. Cameras with structured light of the first kind (Kinect, Xtion, Carmine) measure
-//! disparities in eighths of a pixel over a baseline of 75 mm with a focal length of about 580 px, so their depths come in steps of 2.87 mm at 1 m
-//! which grow with the square (Khoshelham and Elberink, Sensors 2012): that gives the scale to some percent, whatever is seen. Of other
-//! cameras only the distances can be judged, which a factor of 5 takes out of any room.
+//! Measures distances and the quantisation of depth. First-generation structured-light cameras (Kinect, Xtion, Carmine) measure disparities
+//! in eighths of a pixel over a baseline of 75 mm with a focal length of about 580 px, so their depth steps are 2.87 mm at 1 m and grow
+//! with the square of depth (Khoshelham and Elberink, Sensors 2012): that gives the scale to some percent, for any scene. For other cameras
+//! only the distances can be judged; a factor of 5 moves them out of the range of any room.
 
 use crate::finding::{Figure, Finding, Report, Symptom};
 use crate::median::{median, quantile};
 use stillpoint_imaging::DepthImage;
 
-/// Step of structured light over squared depth, 1/m.
+/// Depth step of structured light over squared depth, 1/m.
 const STRUCTURED_LIGHT: f64 = 0.125 / (580.0 * 0.075);
-/// Time between depth images that are looked at, s, and stride over their pixels.
+/// Time between examined depth images, s, and stride over their pixels.
 const EVERY: f64 = 0.25;
 const STRIDE: usize = 2;
-/// Depths are compared in bins of this width, as a share.
+/// Width of the depth bins, as a fraction.
 const BIN: f64 = 0.08;
-/// Typical distance of what an indoor camera sees, m.
+/// Typical distance in an indoor camera's view, m.
 const TYPICAL: f64 = 1.5;
-/// Distances beyond these, m: cameras measure up to about 10 m indoors, and none measures a whole view nearer than 0.45 m but those made for it.
+/// Distances out of these are implausible, m: cameras measure up to about 10 m indoors, and except for special ones none measures a whole
+/// view nearer than 0.45 m.
 const FAR_MEDIAN: f64 = 7.0;
 const FAR_MOST: f64 = 13.0;
 const NEAR_MOST: f64 = 0.45;
-/// Factors between the scales in use (1000, 5000, 4000 and 10000 values per metre; metres taken for millimetres or centimetres and the other way round).
+/// Factors between the scales in use (1000, 5000, 4000 and 10000 values per metre; metres confused with millimetres or centimetres).
 const FACTORS: [f64; 7] = [4.0, 5.0, 10.0, 2.5, 2.0, 100.0, 1000.0];
-/// Values per metre that can be stated.
+/// Valid scales, values per metre.
 const SCALES: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
-/// Calibrations of cameras of one kind differ by less than this, as a share.
+/// Calibrations of cameras of one kind differ by less than this, as a fraction.
 const MATCH: f64 = 0.15;
 
-/// Depths of some frames.
 #[derive(Default)]
 pub(crate) struct Depths {
     values: Vec<f32>,
@@ -47,7 +47,7 @@ impl Depths {
         self.values.extend(values.filter(|z| **z > 0.0));
     }
 
-    /// Step over squared depth, 1/m, where depth comes in steps that grow with its square.
+    /// Step over squared depth, 1/m, if depth steps grow with its square.
     fn step(&mut self) -> Option<f64> {
         self.values.sort_unstable_by(f32::total_cmp);
         let middle = f64::from(*self.values.get(self.values.len() / 2)?);
@@ -76,7 +76,7 @@ impl Depths {
     }
 }
 
-/// The usual distance between sorted depths that occur often, from `low` to `high`.
+/// Usual distance between frequent sorted depths, from `low` to `high`.
 fn step_between(values: &[f32], low: f64, high: f64) -> Option<f64> {
     let from = values.partition_point(|z| f64::from(*z) < low);
     let to = values.partition_point(|z| f64::from(*z) < high);
@@ -89,7 +89,7 @@ fn step_between(values: &[f32], low: f64, high: f64) -> Option<f64> {
         .map(|c| (c[0], c.len()))
         .collect();
     let most = levels.iter().map(|l| l.1).max()?;
-    // What was drawn into the images, or interpolated, has values of its own that hardly repeat.
+    // Drawn or interpolated values hardly repeat.
     let often: Vec<f32> = levels
         .iter()
         .filter(|l| 10 * l.1 >= most)
@@ -101,7 +101,7 @@ fn step_between(values: &[f32], low: f64, high: f64) -> Option<f64> {
     median(&mut steps).filter(|_| enough)
 }
 
-/// Judges the scale; true when it is right as far as can be seen. `depth_scale` is what it was taken for, values per metre.
+/// Judges the scale; true if no error is visible. `depth_scale` is the assumed scale, values per metre.
 pub(crate) fn judge(depths: &mut Depths, depth_scale: f64, report: &mut Report) -> bool {
     let step = depths.step();
     let mut values: Vec<f64> = depths.values.iter().map(|z| f64::from(*z)).collect();
@@ -151,7 +151,7 @@ pub(crate) fn judge(depths: &mut Depths, depth_scale: f64, report: &mut Report) 
     false
 }
 
-/// By what depth is too large, if it is, when it was read at `stated` values per metre.
+/// Factor by which depth is too large, if it is wrong, after reading at `stated` values per metre.
 fn factor(step: Option<f64>, middle: f64, most: f64, stated: f64) -> Option<f64> {
     let odd = |z: f64| libm::log(z / TYPICAL).abs();
     let by_step = step.map(|s| STRUCTURED_LIGHT / s);
@@ -168,8 +168,8 @@ fn factor(step: Option<f64>, middle: f64, most: f64, stated: f64) -> Option<f64>
     if !far && most >= NEAR_MOST {
         return None;
     }
-    // Nothing but the distances: the usual confusion that makes them most usual.
-    // What was read as metres is in centimetres or millimetres.
+    // Only the distances are known: the usual confusion that makes them most plausible. Values read as metres are in centimetres or
+    // millimetres.
     let usual: &[f64] = if far && stated == 1.0 {
         &[100.0, 1000.0]
     } else {
@@ -179,7 +179,7 @@ fn factor(step: Option<f64>, middle: f64, most: f64, stated: f64) -> Option<f64>
     of.min_by(|a, b| odd(middle / a).total_cmp(&odd(middle / b)))
 }
 
-/// A scale in use near the one that was estimated, or that to two digits.
+/// A scale in use near the estimated one, or that rounded to two digits.
 fn usual_scale(scale: f64) -> f64 {
     let usual = [1.0, 100.0, 1000.0, 2000.0, 4000.0, 5000.0, 10000.0];
     let near = usual.iter().find(|u| libm::log(*u / scale).abs() < 0.2);
@@ -193,7 +193,7 @@ fn usual_scale(scale: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Depths from 0.7 to 4 m as a camera with that disparity unit (focal length x baseline over step, m) gives them.
+    /// Depths from 0.7 to 4 m of a camera with this disparity unit (focal length x baseline over step, m).
     fn quantised(unit: f64, scale: f64) -> Depths {
         let mut depths = Depths::default();
         for i in 0..200_000 {
@@ -248,7 +248,7 @@ mod tests {
         assert_eq!(factor(None, 160.0, 420.0, 1.0), Some(100.0));
     }
 
-    /// Floats, read as metres or by a scale that was stated, and what the remedy leads to: a scale under which nothing is found.
+    /// Floats, read as metres or by a stated scale, and the result of the remedy: a scale without findings.
     #[test]
     fn the_scale_that_is_named_is_the_last_one() {
         for (per_metre, stated) in [(1000.0, 1.0), (100.0, 1.0), (1.0, 1000.0)] {

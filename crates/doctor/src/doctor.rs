@@ -10,25 +10,25 @@ use crate::{depth_scale, focal, images, lens, registration, stamps, standstill, 
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameSource, RgbdFrame, SourceError};
 
-/// What the frames are taken for.
+/// Assumptions about the frames.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup {
     /// The camera.
     pub camera: Camera,
-    /// Depth image values per metre by which depth was brought to metres: what a remedy starts from.
+    /// Depth image values per metre used to convert depth to metres; remedies refer to it.
     pub depth_scale: f64,
 }
 
-/// Distance of corners from which a silhouette's motion is taken, px, and by how much their depth may differ from its own, as a share.
+/// Maximum distance of corners that give a silhouette's motion, px, and maximum difference of their depth, as a fraction.
 const NEAR_PX: f32 = 60.0;
 const ALIKE: f32 = 0.12;
-/// Corners of which the motion is the median, and how far they may differ: by so many px/s and so large a share. A velocity that is not the
+/// Number of corners for the median motion, and their maximum difference: in px/s, and as a fraction. A velocity other than the
 /// silhouette's own makes every delay look shorter.
 const CORNERS: usize = 3;
 const AGREE: f32 = 12.0;
 const AGREE_SHARE: f32 = 0.15;
 
-/// Looks at frames.
+/// Examines the frames of a stream.
 pub struct Doctor {
     setup: Setup,
     tracks: Tracks,
@@ -36,7 +36,7 @@ pub struct Doctor {
     still: standstill::Standstills,
     images: images::Images,
     stamps: Vec<f64>,
-    /// Silhouettes of the last frame, whose motion is known with the next one.
+    /// Silhouettes of the last frame; their motion needs the next frame.
     last: Option<(FrameEdges, f32)>,
     edges: Vec<Moving>,
     profiles: Vec<f32>,
@@ -45,7 +45,7 @@ pub struct Doctor {
 }
 
 impl Doctor {
-    /// One that has seen nothing.
+    /// An empty examination.
     #[must_use]
     pub fn new(setup: Setup) -> Self {
         Self {
@@ -63,7 +63,7 @@ impl Doctor {
         }
     }
 
-    /// Looks at the next frame. Keeps some 300 kB of each.
+    /// Examines the next frame. Keeps some 300 kB of each.
     pub fn look(&mut self, frame: &RgbdFrame) {
         let number = self.stamps.len() as u32;
         self.stamps.push(frame.stamp);
@@ -78,7 +78,7 @@ impl Doctor {
         self.last = Some((FrameEdges::new(&gradient, &frame.depth), difference));
     }
 
-    /// Gives the silhouettes of the last frame their motion.
+    /// Assigns motion to the silhouettes of the last frame.
     fn settle(&mut self, number: u32) {
         let Some((found, difference)) = self.last.take() else {
             return;
@@ -107,7 +107,7 @@ impl Doctor {
         }
     }
 
-    /// What the frames so far show, the most harmful finding first. What a finding makes unreliable is not judged.
+    /// The report on the frames added until now, the most harmful finding first. Skips checks that depend on a faulty input.
     #[must_use]
     pub fn report(&mut self) -> Report {
         let mut report = Report {
@@ -161,7 +161,7 @@ impl Doctor {
     }
 }
 
-/// Velocity of the image at a silhouette along its axis, px/s: the median of corners nearby on the same surface.
+/// Image velocity at a silhouette along its axis, px/s: the median of nearby corners on the same surface.
 fn velocity(edge: &Edge, motions: &[Motion]) -> Option<f32> {
     let mut nearest = [(NEAR_PX * NEAR_PX, 0.0_f32); CORNERS];
     let mut count = 0;
@@ -191,18 +191,18 @@ fn velocity(edge: &Edge, motions: &[Motion]) -> Option<f32> {
     (spread <= AGREE + AGREE_SHARE * median.abs()).then_some(median)
 }
 
-/// One frame in so many may be unreadable: a few damaged images are part of life.
+/// One frame in this number may be unreadable: a few damaged images are common.
 const READABLE: usize = 10;
 
-/// Pixels that are looked at for each second that was asked for: those of 1280 x 720 px at 30 Hz. Three seconds of them take some seconds of a processor, and more of
-/// larger images would take minutes.
+/// Pixels examined per requested second: those of 1280 x 720 px at 30 Hz. Three seconds of them take some seconds of CPU time; larger
+/// images would take minutes.
 const PIXELS_PER_SECOND: f64 = 1280.0 * 720.0 * 30.0;
 
-/// Looks at so many seconds of a stream, or at less of them where images are large, which the report says. Frames that cannot be read are passed over, and where they are
-/// many that is found.
+/// Examines this many seconds of a stream, or less if images are large, as the report then states. Unreadable frames are skipped, and are a
+/// finding if frequent.
 ///
 /// # Errors
-/// The first error of a stream of which no frame can be read.
+/// The first error of a stream without any readable frame.
 pub fn examine(
     source: &mut dyn FrameSource,
     setup: Setup,
@@ -254,7 +254,7 @@ pub fn examine(
     Ok(report)
 }
 
-/// Frames after which a stream of which none could be read is given up.
+/// Number of unreadable frames at the beginning after which the stream is abandoned.
 const MOST_UNREAD: usize = 300;
 
 fn unreadable(unread: usize, first: &SourceError, report: &mut Report) {

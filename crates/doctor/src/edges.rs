@@ -1,46 +1,42 @@
-//! Silhouettes: where a surface ends in the depth image, and what the image shows around there.
+//! Silhouettes: edges of surfaces in the depth image, and the image gradient around them.
 //!
-//! Answers: at which pixels a nearer surface ends before a farther one, along rows and columns, and how strongly the image changes on both
-//! sides of each. What ends in depth mostly ends in the image too, so with registered and synchronous images the profiles have their peak in the
-//! middle. Pixels of the nearer surface are taken, since the shadow of a projector and the blindness of a stereo pair lie on the farther
-//! one.
+//! Answers: at which pixels a nearer surface ends before a farther one, along rows and columns, and the gradient profile on both sides of
+//! each. Depth edges mostly are image edges too, so with registered and synchronous images the profiles peak in the middle. Pixels of the
+//! nearer surface are used, since the shadow of a projector and the occlusion of a stereo pair are on the farther one.
 
 use crate::gradient::{Axis, Gradient, PROFILE};
 use stillpoint_imaging::DepthImage;
 
-/// Where the next surface is looked for, px: the shadow of a projector 75 mm beside the camera is as wide for a thing at 1 m before a wall at 2 m.
+/// Search range for the next surface, px: the shadow of a projector 75 mm beside the camera is as wide for an object at 1 m before a wall
+/// at 2 m.
 const GAP: usize = 24;
-/// How much farther the next surface is, as a share of the depth: noise and slanted surfaces have less.
+/// Minimum depth step to the next surface, as a fraction of the depth: noise and slanted surfaces have less.
 const STEP: f32 = 0.1;
-/// The nearer surface holds its depth to within this share over [`INSIDE`] px.
+/// The nearer surface is flat to within this fraction over [`INSIDE`] px.
 const FLAT: f32 = 0.04;
 const INSIDE: usize = 3;
-/// Silhouette pixels of one frame, axis and side at most; the others are spread evenly over the image and say the same.
+/// Maximum number of silhouette pixels per frame, axis and side; spread evenly over the image, since the others are redundant.
 const QUOTA: usize = 250;
 
 /// A pixel at which a surface ends.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edge {
-    /// The axis along which it ends, and whether that is towards the beginning of the axis.
+    /// The axis along which it ends, and whether it ends towards the beginning of the axis.
     pub(crate) axis: Axis,
     pub(crate) backwards: bool,
     pub(crate) x: u16,
     pub(crate) y: u16,
-    /// Depth of the surface, m.
     pub(crate) z: f32,
 }
 
-/// Silhouettes of one frame.
 pub(crate) struct FrameEdges {
     pub(crate) edges: Vec<Edge>,
-    /// A profile for each.
     pub(crate) profiles: Vec<f32>,
-    /// Sums of the profiles that the image has where a mirrored depth image would have its silhouettes: mirrored left to right,
-    /// top to bottom, both; by axis, with their number.
+    /// Sums of the profiles at the silhouettes of a mirrored depth image: mirrored left to right, top to bottom, both; by axis, with their
+    /// number.
     pub(crate) mirrored: [[MeanProfile; 2]; 3],
 }
 
-/// Sum of some profiles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MeanProfile {
     pub(crate) sum: [f64; PROFILE],
@@ -131,9 +127,8 @@ impl FrameEdges {
     }
 }
 
-/// The depths column by column.
 fn transposed(depth: &DepthImage) -> Vec<f32> {
-    // Columns that are written at once: as many floats as a line of the cache has.
+    // Columns written at once: the floats of one cache line.
     const AT_ONCE: usize = 16;
     let (w, h) = (depth.width(), depth.height());
     let mut columns = vec![0.0; w * h];
@@ -148,7 +143,8 @@ fn transposed(depth: &DepthImage) -> Vec<f32> {
     columns
 }
 
-/// Places (along the line, line) where, along lines of a length and in one direction, the next measurement within [`GAP`] px lies behind.
+/// Positions (along the line, line) at which, along lines of this length and in one direction, the next measurement within [`GAP`] px is
+/// farther.
 fn silhouettes(depths: &[f32], length: usize, backwards: bool) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     let mut turned = vec![0.0_f32; length];
@@ -164,7 +160,7 @@ fn silhouettes(depths: &[f32], length: usize, backwards: bool) -> Vec<(usize, us
         let near = near.zip(line.iter().skip(INSIDE + 1)).enumerate();
         for (k, ((&before, &z), &next)) in near {
             let behind = z * (1.0 + STEP);
-            // Nearly everywhere the next pixel is measured and not behind.
+            // The usual case: the next pixel is measured and not farther.
             if next > 0.0 && next <= behind {
                 continue;
             }

@@ -1,33 +1,33 @@
-//! What was found, as values: for the screen, for JSON, and for tests.
+//! Findings as values: for the screen, for JSON, and for tests.
 
 use serde::Serialize;
 
-/// What can be wrong with a stream, the most harmful first: the order of a report.
+/// Kinds of faults in a stream, the most harmful first; reports use this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Symptom {
     /// Frames cannot be read.
     Unreadable,
-    /// The lens model cannot be inverted, or the camera's figures are none.
+    /// The lens model cannot be inverted, or the intrinsics are invalid.
     Lens,
     /// Depth is too large or too small by a factor.
     DepthScale,
-    /// Colour and depth are mirror images of each other, or turned by half a turn.
+    /// Colour and depth are mirrored or rotated by 180 degrees against each other.
     Mirrored,
-    /// Depth is not in the pixels of the colour image.
+    /// Depth is not registered to the colour image.
     Registration,
     /// The focal length is wrong.
     FocalLength,
-    /// The depth image or the colour image stands still while the other goes on.
+    /// The depth image or the colour image is frozen while the other continues.
     Standstill,
-    /// Colour and depth were taken at other times than their stamps say.
+    /// Exposure times of colour and depth differ from their stamps.
     Synchronisation,
-    /// Stamps run backwards, stand still or jump.
+    /// Stamps decrease, repeat or jump.
     Stamps,
     /// The inertial sensor has other axes, units or stamps than stated.
     InertialSensor,
-    /// Odometry of the base that carries the camera stands still, jumps, or has another mount or other stamps than stated.
+    /// Odometry of the camera's base is constant, jumps, or has another mount or other stamps than stated.
     Odometry,
     /// Images are too dark or too bright.
     Exposure,
@@ -39,22 +39,21 @@ pub enum Symptom {
     DroppedFrames,
 }
 
-/// A number that was measured.
+/// A measured value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Figure {
-    /// What it is.
+    /// Name.
     pub name: &'static str,
-    /// The number.
+    /// Value.
     pub value: f64,
-    /// Its standard deviation, where it is known.
+    /// Standard deviation, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sigma: Option<f64>,
-    /// Its unit; empty for shares and ratios.
+    /// Unit; empty for fractions and ratios.
     pub unit: &'static str,
 }
 
 impl Figure {
-    /// A number without a standard deviation.
     pub(crate) fn new(name: &'static str, value: f64, unit: &'static str) -> Self {
         Self {
             name,
@@ -64,7 +63,6 @@ impl Figure {
         }
     }
 
-    /// The same with a standard deviation.
     pub(crate) fn with_sigma(self, sigma: f64) -> Self {
         Self {
             sigma: Some(sigma),
@@ -75,7 +73,7 @@ impl Figure {
 
 impl std::fmt::Display for Figure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        // Three digits that mean something, without exponents.
+        // Three significant digits, without exponents.
         let size = self.value.abs().max(self.sigma.unwrap_or(0.0));
         let decimals = match size {
             s if s >= 100.0 => 0,
@@ -94,36 +92,36 @@ impl std::fmt::Display for Figure {
     }
 }
 
-/// One thing that is wrong.
+/// One fault.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
-    /// What it is.
+    /// Its kind.
     pub symptom: Symptom,
-    /// What is wrong, in a sentence.
+    /// The fault, in a sentence.
     pub message: String,
-    /// What to do or to type.
+    /// The remedy or command.
     pub remedy: String,
-    /// What that rests on.
+    /// The evidence.
     pub evidence: Vec<Figure>,
 }
 
-/// What a stream is like.
+/// Result of an examination.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Report {
-    /// Frames looked at.
+    /// Number of examined frames.
     pub frames: usize,
     /// Time between the first and the last of them, s.
     pub seconds: f64,
-    /// What is wrong, the most harmful first.
+    /// The faults, the most harmful first.
     pub findings: Vec<Finding>,
-    /// What was measured, whether something is wrong with it or not.
+    /// All measured values, with or without a fault.
     pub measured: Vec<Figure>,
-    /// What could not be judged, and why, one sentence each.
+    /// Checks that were not possible, with the reason, one sentence each.
     pub not_judged: Vec<String>,
 }
 
 impl Report {
-    /// Whether something of this kind is wrong.
+    /// Whether there is a finding of this kind.
     #[must_use]
     pub fn names(&self, symptom: Symptom) -> bool {
         self.findings.iter().any(|f| f.symptom == symptom)

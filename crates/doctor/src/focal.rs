@@ -1,9 +1,9 @@
-//! Whether the focal length is right.
+//! Checks the focal length.
 //!
-//! Answers: by which factor the focal lengths would have to change for corners with depth to move rigidly. When the camera turns, its image
-//! moves by the focal length times the angle, and depth changes by the angle times the distance from the middle over the focal length: both together
-//! give the angle and the focal length. Moved without turning, it shows nothing of it, and is not judged. Only one factor for fx and fy is
-//! estimated; that pixels are square is taken as known and compared with the camera's figures.
+//! Estimates the factor on the focal lengths for which corners with depth move rigidly. When the camera turns, the image moves by the focal
+//! length times the angle, and depth changes by the angle times the distance from the middle over the focal length: both together give the
+//! angle and the focal length. Motion without rotation does not determine it, and is not judged. Only one factor for fx and fy is
+//! estimated; pixels are assumed square, which is compared with the intrinsics.
 
 use crate::finding::{Figure, Finding, Report, Symptom};
 use crate::tracks::{Sight, Tracks};
@@ -13,36 +13,32 @@ use stillpoint_estimation::{
 use stillpoint_geometry::nalgebra::{SMatrix, SVector};
 use stillpoint_geometry::{Camera, Mat6, Se3, Vec2, Vec3, Vec6};
 
-/// Views farther apart than this are not compared: too few corners last, s.
+/// Maximum time between compared views, s: beyond it too few corners survive.
 const MAX_GAP: f64 = 1.5;
-/// Corners that two views must share.
+/// Minimum number of corners shared by two views.
 const MIN_COMMON: usize = 30;
-/// Noise of a corner's position in either view, px, and factor on that of depth (0.0012 m + 0.0019 m^-1 (z - 0.4 m)^2; Nguyen, Izadi and Lovell,
-/// 3DIMPVT 2012), which neighbouring pixels share.
+/// Noise of a corner's position in either view, px, and factor on that of depth (0.0012 m + 0.0019 m^-1 (z - 0.4 m)^2; Nguyen, Izadi and
+/// Lovell, 3DIMPVT 2012), which neighbouring pixels share.
 const SIGMA_PX: f64 = 0.6;
 const DEPTH_FACTOR: f64 = 1.5;
-/// Normalised residuals: weights fall beyond the first (Huber), and vanish beyond the second.
+/// Normalised residuals: weights decrease beyond the first (Huber), and vanish beyond the second.
 const HUBER: f64 = 2.0;
 const GATE: f64 = 12.0;
 const ROUNDS: usize = 10;
-/// What is not known of depth, stamps and shutter leaves this much of a factor open, as a share: on real and simulated streams whose focal length is
-/// known, the estimate of three seconds was up to 9 % off where the camera turned by ten degrees, with depth images 17 ms late.
+/// Systematic uncertainty of the factor from depth, stamps and shutter, as a fraction: on real and simulated streams with known focal
+/// length, the estimate from three seconds was up to 9 % off where the camera turned by ten degrees, with depth images 17 ms late.
 const SYSTEMATIC: f64 = 0.1;
-/// Known no better than this, it is not judged.
+/// With a larger standard deviation, the focal length is not judged.
 const MAX_SIGMA: f64 = 0.025;
-/// fx and fy differ by less in cameras that are made, as a share: pixels are square but for some per mille.
+/// fx and fy of real cameras differ by less, as a fraction: pixels are square to some per mille.
 const SQUARE: f64 = 0.04;
 
-/// The factor on the focal lengths that the views ask for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Factor {
-    /// Its logarithm.
     log: f64,
-    /// Statistical standard deviation of that.
     sigma: f64,
 }
 
-/// Corners that two views share.
 struct Pair {
     sights: Vec<[Sight; 2]>,
     b_from_a: Se3,
@@ -51,7 +47,7 @@ struct Pair {
 type Mat7 = SMatrix<f64, 7, 7>;
 type Vec7 = SVector<f64, 7>;
 
-/// Estimates the factor; none where the camera turned too little.
+/// Estimates the factor; `None` if the camera turned too little.
 pub(crate) fn estimate(camera: &Camera, tracks: &Tracks) -> Option<Factor> {
     let mut pairs = common_motion(camera, tracks);
     if pairs.len() < 3 {
@@ -80,7 +76,7 @@ pub(crate) fn estimate(camera: &Camera, tracks: &Tracks) -> Option<Factor> {
             break;
         }
     }
-    // The spread of the pairs' gradients says how much they disagree (Huber, 1967), whatever their noise is said to be.
+    // The spread of the pairs' gradients measures their disagreement (Huber, 1967), whatever the assumed noise.
     let sigma = scatter.sqrt().max(information.sqrt()) / information;
     Some(Factor { log, sigma }).filter(|f| f.log.is_finite() && f.log.abs() < 0.7)
 }
@@ -139,7 +135,7 @@ fn depth_sigma(z: f64) -> f64 {
     0.0012 + 0.0019 * d * d
 }
 
-/// The camera with other focal lengths. Distortion coefficients belong to rays and stay.
+/// The camera with other focal lengths. Distortion coefficients apply to rays and stay.
 fn scaled(camera: &Camera, log: f64) -> Camera {
     let factor = libm::exp(log);
     Camera {
@@ -149,7 +145,7 @@ fn scaled(camera: &Camera, log: f64) -> Camera {
     }
 }
 
-/// Rays (z = 1) of both sights.
+/// Rays (z = 1) in both views.
 fn rays(camera: &Camera, sights: &[Sight; 2]) -> [Vec3; 2] {
     sights.map(|s| {
         let raw = Vec2::new(f64::from(s.pixel[0]), f64::from(s.pixel[1]));
@@ -168,8 +164,8 @@ fn residual(camera: &Camera, rays: &[Vec3; 2], depths: [f64; 2], b_from_a: &Se3)
 }
 
 impl Pair {
-    /// Moves the pose to its optimum for the present factor, and gives information and gradient of the factor's logarithm that
-    /// are left when the pose follows it (the Schur complement).
+    /// Moves the pose to its optimum for the current factor, and returns the information and gradient of the factor's logarithm after
+    /// marginalising the pose (the Schur complement).
     fn reduce(&mut self, camera: &Camera, log: f64, round: usize) -> Option<[f64; 2]> {
         const STEP: f64 = 1e-4;
         let here = scaled(camera, log);
@@ -210,7 +206,7 @@ impl Pair {
             let depths = sights.map(|s| f64::from(s.z));
             let e = residual(&cameras[0], &rays[0], depths, &self.b_from_a);
             let size = e.norm();
-            // A comparison that no number does not pass.
+            // False for NaN.
             let inside = size <= gate;
             let y = self.b_from_a.transform(&(rays[0][0] * depths[0]));
             if !inside || y.z < 0.05 {
@@ -240,7 +236,7 @@ impl Pair {
     }
 }
 
-/// Judges focal lengths; `why_not` says why depth cannot be used for it.
+/// Judges focal lengths; `why_not` is the reason for which depth cannot be used.
 pub(crate) fn judge(
     camera: &Camera,
     factor: Option<Factor>,
@@ -286,7 +282,7 @@ fn figure(f: &Factor) -> Figure {
 fn not_square(camera: &Camera, ratio: f64, factor: Option<Factor>) -> Finding {
     let Camera { fx, fy, .. } = *camera;
     let mut evidence = vec![Figure::new("fx over fy", fx / fy, "")];
-    // Of the right one the views ask for no change; of the other for all of the ratio.
+    // The views ask for no change of the right one, and for the whole ratio on the other.
     let wrong = factor.map(|f| {
         evidence.push(figure(&f));
         if f.log * ratio < 0.0 { "fx" } else { "fy" }

@@ -1,16 +1,16 @@
-//! How strongly a grey image changes along rows and along columns.
+//! Gradients of a grey image along rows and along columns.
 
 use stillpoint_imaging::GrayImage;
 
 /// Reach of a profile to both sides of its pixel, px.
 pub(crate) const REACH: usize = 40;
-/// Entries of a profile.
+/// Length of a profile.
 pub(crate) const PROFILE: usize = 2 * REACH + 1;
-/// Added to the sum of a profile before it is divided by it, grey levels per 2 px: where the image shows nothing, half a grey level of noise per pixel
-/// is not to count as much as a contour.
+/// Added to the sum of a profile before the division by it, grey levels per 2 px: without contours, half a grey level of noise per pixel
+/// must not count as much as a contour.
 const FLOOR: f32 = 40.0;
 
-/// Along which axis of the image a surface ends.
+/// Image axis along which a surface ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Axis {
     X,
@@ -53,14 +53,14 @@ impl Gradient {
         }
     }
 
-    /// Whether a profile fits in at a pixel.
+    /// Whether a profile fits at a pixel.
     pub(crate) fn has_room(&self, x: usize, y: usize) -> bool {
         let inside = |p: usize, size: usize| p > REACH && p + REACH + 1 < size;
         inside(x, self.width) && inside(y, self.height)
     }
 
-    /// Gradients along an axis at the pixels from `-REACH` to `REACH` beside one that has room, divided by their sum: every edge has
-    /// about one vote, however strong it is.
+    /// Gradients along an axis at the pixels from `-REACH` to `REACH` beside one that has room, divided by their sum, so that every edge
+    /// has about the same weight, whatever its strength.
     pub(crate) fn profile(&self, axis: Axis, x: usize, y: usize, out: &mut [f32]) {
         let step = match axis {
             Axis::X => 1,
@@ -84,7 +84,7 @@ impl Gradient {
     }
 }
 
-/// `|a - b|`, as far as `out` reaches.
+/// `|a - b|`, up to the length of `out`.
 fn difference(a: &[f32], b: &[f32], out: &mut [f32]) {
     for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
         *out = (a - b).abs();
@@ -94,7 +94,6 @@ fn difference(a: &[f32], b: &[f32], out: &mut [f32]) {
 /// The binomial kernel 1 4 6 4 1, about a Gaussian of 1 px.
 const KERNEL: [f32; 5] = [0.0625, 0.25, 0.375, 0.25, 0.0625];
 
-/// The sum of five rows under the kernel.
 fn blend(rows: [&[f32]; 5], out: &mut [f32]) {
     let [a, b, c, d, e] = rows.map(|row| &row[..out.len()]);
     for (i, out) in out.iter_mut().enumerate() {
@@ -106,7 +105,7 @@ fn blend(rows: [&[f32]; 5], out: &mut [f32]) {
     }
 }
 
-/// The image under the kernel along both axes. Beyond its border the image goes on as it ends there.
+/// The image convolved along both axes, with replicated borders.
 fn smoothed(image: &GrayImage) -> Vec<f32> {
     let (w, h) = (image.width(), image.height());
     if w == 0 || h == 0 {

@@ -1,20 +1,19 @@
-//! Whether the images can be used: exposure, blur, and how much of the depth there is.
+//! Checks the images: exposure, blur, and the fraction of depth.
 
 use crate::finding::{Figure, Finding, Report, Symptom};
 use crate::gradient::Gradient;
 use crate::median::median;
 use stillpoint_imaging::{DepthImage, GrayImage, RgbdFrame};
 
-/// Grey levels that count as black and as white, and the share of an image from which it is too dark or too bright.
+/// Grey levels that count as black and as white, and the fraction of an image from which it is too dark or too bright.
 const BLACK: u8 = 12;
 const WHITE: u8 = 250;
 const MOST: f64 = 0.6;
-/// Widths of contours, px: what a lens out of focus or a dirty one leaves.
+/// Width of contours, px, of a lens that is out of focus or dirty.
 const WIDE: f64 = 5.0;
-/// Share of depth without which most features have none.
+/// Minimum fraction of depth: with less, most features have none.
 const MIN_DEPTH: f64 = 0.3;
 
-/// What was seen of each frame.
 #[derive(Default)]
 pub(crate) struct Images {
     black: Vec<f64>,
@@ -42,7 +41,7 @@ fn measured(depth: &DepthImage) -> f64 {
     count as f64 / depth.data().len().max(1) as f64
 }
 
-/// Mean width of contours, px: how far apart two pixels must be to see all of a step, from the energies of differences over 2 px and over
+/// Mean width of contours, px: the distance of two pixels that see a whole step, from the energies of differences over 2 px and over
 /// [`FAR`] px. A step of any height that is blurred to width `w` has `4 / w` of its squared height in the first, and `FAR - w / 3` in the
 /// second.
 fn contour_width(image: &GrayImage, gradient: &Gradient) -> Option<f64> {
@@ -65,7 +64,7 @@ fn contour_width(image: &GrayImage, gradient: &Gradient) -> Option<f64> {
     }
     let far = sum / count;
     let near = gradient.energy();
-    // Of an image without contours both are noise.
+    // In an image without contours both are noise.
     (far > 50.0).then(|| 4.0 * far / (FAR as f64 * near.max(1e-3)))
 }
 

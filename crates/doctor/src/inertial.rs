@@ -1,32 +1,32 @@
-//! The inertial sensor beside the camera: its axes, its units, its clock.
+//! Checks the inertial sensor: its axes, units and clock.
 //!
-//! Rotations of the camera over a few frames are compared with what the gyroscope summed up meanwhile. The rotation between both axes is that of Kabsch
-//! (Acta Cryst. A32, 1976), at the time shift that leaves least.
+//! Rotations of the camera over a few frames are compared with the integrated gyroscope rates. The rotation between both axes is that of
+//! Kabsch (Acta Cryst. A32, 1976), at the time shift with the smallest residual.
 
 use crate::finding::{Figure, Finding, Report, Symptom};
 use stillpoint_geometry::nalgebra::{Rotation3, UnitQuaternion};
 use stillpoint_geometry::{ImuModel, Mat3, STANDARD_GRAVITY, Vec3, so3};
 use stillpoint_imaging::ImuSample;
 
-/// Rotations over so long are compared, s: long enough for a turn to show, short enough for it to be about one axis.
+/// Interval of compared rotations, s: long enough for a visible rotation, short enough for it to be about one axis.
 const WINDOW_S: f64 = 0.15;
-/// Turns that are compared, at least.
+/// Minimum number of compared rotations.
 const LEAST: usize = 30;
-/// Turns of this size about two axes tell how the sensor is mounted, rad per window, root mean square.
+/// Minimum rotation about two axes that determines the mount, rad per window, root mean square.
 const TELLING: f64 = 0.006;
-/// Time shifts that are tried, s.
+/// Maximum time shift tried, s.
 const FARTHEST_S: f64 = 0.2;
 const STEP_S: f64 = 0.005;
-/// A mount is off from here on, rad: 5 degrees. Less is found and corrected in every run.
+/// Maximum error of a mount, rad: 5 degrees. Smaller errors are estimated and corrected in every run.
 const OFF: f64 = 0.087;
-/// So is a clock, s: poses are of the middle of a readout, which is not known here.
+/// Maximum error of a clock, s: poses are of the middle of a readout, which is not known here.
 const LATE_S: f64 = 0.025;
-/// What is left of the turns, as a share, where the sensor turns as the camera does, however it is mounted.
+/// Maximum residual of the rotations, as a fraction, if the sensor turns with the camera, whatever the mount.
 const ALIKE: f64 = 0.5;
-/// Rates and forces are off by a factor beyond this and its inverse.
+/// Rates and forces outside this factor and its inverse are wrong.
 const FACTOR: f64 = 1.3;
 
-/// Judges an inertial sensor by what it measured and the camera's poses (stamps, s, and `world_from_camera`), both in order of time.
+/// Judges an inertial sensor by its samples and the camera's poses (stamps, s, and `world_from_camera`), both in order of time.
 pub fn judge_inertial(
     samples: &[ImuSample],
     poses: &[(f64, UnitQuaternion<f64>)],
@@ -132,7 +132,7 @@ fn judge_mount(best: &Fit, stated: &ImuModel, report: &mut Report) {
     }
 }
 
-/// What a sensor is carried by is gravity, but for a hand's accelerations.
+/// The mean specific force is gravity, up to a hand's accelerations.
 fn judge_force(samples: &[ImuSample], report: &mut Report) {
     let mut sizes: Vec<f64> = samples
         .iter()
@@ -168,23 +168,23 @@ fn find(report: &mut Report, message: String, remedy: String, evidence: Vec<Figu
     });
 }
 
-/// How the sensor stands to the camera by the turns of both.
+/// Rotation between sensor and camera, from the rotations of both.
 #[derive(Clone, Copy, Debug)]
 struct Fit {
     camera_from_imu: UnitQuaternion<f64>,
-    /// Standard deviation of that about an axis, rad.
+    /// Its standard deviation about an axis, rad.
     sigma: f64,
-    /// Its turns against the camera's.
+    /// The sensor's rotations over the camera's.
     factor: f64,
-    /// Share of the turns that the rotation leaves unexplained.
+    /// Fraction of the rotations that the mount leaves unexplained.
     left: f64,
     /// Whether a mirror image would explain them.
     is_mirrored: bool,
-    /// What is to be added to its stamps, s.
+    /// Correction to add to its stamps, s.
     shift: f64,
 }
 
-/// Rates summed up from the first sample on.
+/// Rates integrated from the first sample on.
 struct Sums {
     times: Vec<f64>,
     sums: Vec<Vec3>,
@@ -218,7 +218,7 @@ impl Sums {
         Some(self.sums[before] + (self.sums[next] - self.sums[before]) * share)
     }
 
-    /// Turns of camera and sensor over windows that both know, the sensor's stamps shifted by `shift`.
+    /// Rotations of camera and sensor over windows that both cover, the sensor's stamps shifted by `shift`.
     fn turns(&self, poses: &[(f64, UnitQuaternion<f64>)], shift: f64) -> Vec<(Vec3, Vec3)> {
         let turn = |(i, (from, before)): (usize, &(f64, UnitQuaternion<f64>))| {
             let later = poses[i..].iter().find(|p| p.0 - from >= WINDOW_S)?;
@@ -230,7 +230,7 @@ impl Sums {
         poses.iter().enumerate().filter_map(turn).collect()
     }
 
-    /// The fit at the shift that leaves least; none where the turns do not tell.
+    /// The fit at the shift with the smallest residual; `None` if the rotations do not determine it.
     fn best(&self, poses: &[(f64, UnitQuaternion<f64>)]) -> Option<Fit> {
         let steps = (FARTHEST_S / STEP_S).round() as i32;
         let fit = |shift: f64| {
@@ -254,7 +254,7 @@ impl Sums {
     }
 }
 
-/// The rotation between the axes of both, by their turns less the mean: a bias of the gyroscope is the same in all.
+/// The rotation between the axes of both, from their rotations less the mean: a bias of the gyroscope is the same in all.
 fn fit(turns: &[(Vec3, Vec3)]) -> Option<Fit> {
     if turns.len() < LEAST {
         return None;

@@ -1,9 +1,9 @@
-//! Whether the camera's figures can be computed with.
+//! Checks the camera's intrinsics and lens model.
 
 use crate::finding::{Finding, Report, Symptom};
 use stillpoint_geometry::Camera;
 
-/// Names a camera whose figures are none, or whose lens model folds within the image.
+/// Reports invalid intrinsics, and a lens model that folds within the image.
 pub(crate) fn judge(camera: &Camera, report: &mut Report) -> bool {
     let Err(error) = camera.check() else {
         return true;

@@ -1,11 +1,11 @@
-//! What is wrong with an RGB-D stream, from a few seconds of it.
+//! Diagnoses faults of an RGB-D stream, from a few seconds of it.
 //!
-//! Answers: which of the usual mistakes (depth scale, registration, mirrored images, focal length, synchronisation, lens model, stamps,
-//! exposure, blur, holes, images that stand still; axes, units and clock of an inertial sensor; mount and clock of odometry) a stream shows, how sure that is, and what to do about it. Takes frames from anywhere and knows no files:
-//! [`Doctor::look`] at each frame, then [`Doctor::report`]. One module per kind of symptom; each says what it measured and, where that
-//! is not as it should be, gives a [`Finding`].
+//! Answers: which of the usual faults (depth scale, registration, mirrored images, focal length, synchronisation, lens model, stamps,
+//! exposure, blur, holes, frozen images; axes, units and clock of an inertial sensor; mount and clock of odometry) a stream has, with which
+//! certainty, and the remedy. Takes frames from anywhere and knows no files: call [`Doctor::look`] for each frame, then [`Doctor::report`].
+//! One module per kind of symptom; each reports its measurements and, if they are wrong, a [`Finding`].
 //!
-//! It does not correct anything, and what a scene does not show (a focal length while the camera stands still) it does not judge.
+//! It corrects nothing, and skips checks that a scene does not allow (e.g. of the focal length of a still camera).
 
 mod depth_scale;
 mod doctor;

@@ -1,6 +1,6 @@
 //! Order statistics.
 
-/// The quantile `q` (0 to 1) of some numbers, which are reordered; none of none.
+/// The quantile `q` (0 to 1) of some numbers, which are reordered; `None` if empty.
 pub(crate) fn quantile(values: &mut [f64], q: f64) -> Option<f64> {
     if values.is_empty() {
         return None;
@@ -11,7 +11,7 @@ pub(crate) fn quantile(values: &mut [f64], q: f64) -> Option<f64> {
     Some(*value)
 }
 
-/// Their median; of an even number the upper one of both in the middle.
+/// Their median; of an even number the upper of the two in the middle.
 pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
     quantile(values, 0.5)
 }

@@ -1,7 +1,8 @@
-//! Wheel odometry of the base that carries the camera: whether it moves as the camera does, how the camera stands on the base, and its clock.
+//! Checks wheel odometry of the camera's base: whether it moves with the camera, the camera's mount on the base, and its clock.
 //!
-//! Motions of the camera over a few frames are compared with those of the base meanwhile: `X A = B X`, where X is the mount. Turns and ways are vectors that X turns alike, so its
-//! rotation is that of Kabsch (Acta Cryst. A32, 1976) over both, at the time shift that leaves least; where the camera is on the base is taken as stated.
+//! Motions of the camera over a few frames are compared with those of the base: `X A = B X`, where X is the mount. X turns rotation and
+//! translation vectors alike, so its rotation is that of Kabsch (Acta Cryst. A32, 1976) over both, at the time shift with the smallest
+//! residual; the camera's position on the base is taken as stated.
 
 mod fit;
 
@@ -10,25 +11,26 @@ use fit::{Fit, Motion, Track, best, motions, vectors};
 use stillpoint_geometry::{OdometryModel, Se3, Vec3, so3};
 use stillpoint_imaging::OdometrySample;
 
-/// Samples that are farther apart leave open how the base moved between them, s.
+/// Maximum time between samples, s; over longer gaps the base's motion is unknown.
 const LONGEST_GAP_S: f64 = 0.35;
-/// Motions that are compared, at least.
+/// Minimum number of compared motions.
 const LEAST: usize = 20;
-/// Motions of this size along or about an axis tell, m or rad per window, root mean square.
+/// Minimum motion along or about an axis that determines the mount, m or rad per window, root mean square.
 const TELLING: f64 = 0.01;
-/// A mount is off from here on, rad: 6 degrees.
+/// Maximum error of a mount, rad: 6 degrees.
 const OFF: f64 = 0.105;
-/// If a mount is off by more than this, the turns may have the wrong sign instead, rad.
+/// If a mount is off by more than this, the rotations may have the wrong sign instead, rad.
 const UPSIDE_DOWN: f64 = 2.6;
-/// A clock is reported when it is off by more than this, s.
+/// Maximum error of a clock, s.
 const LATE_S: f64 = 0.04;
-/// What is left of the motions, as a share, where the base moves as the camera does, however that is mounted.
+/// Maximum residual of the motions, as a fraction, if the base moves with the camera, whatever the mount.
 const ALIKE: f64 = 0.5;
-/// Ways and turns are off by a factor beyond this and its inverse.
+/// Translations and rotations outside this factor and its inverse are wrong.
 const FACTOR: f64 = 1.25;
-/// A base that moves by less than this share of the camera's motion stands still.
+/// A base that moves by less than this fraction of the camera's motion stands still.
 const IDLE: f64 = 0.02;
-/// From step to step a base changes its velocity by so much at most, m/s^2 and rad/s^2, and encoders add so much, m and rad; a jump is so many times more.
+/// Maximum change of a base's velocity between steps, m/s^2 and rad/s^2; encoder noise added to it, m and rad; and the multiple of both
+/// that is a jump.
 const ACCELERATION: [f64; 2] = [10.0, 30.0];
 const ENCODER: [f64; 2] = [0.01, 0.01];
 const JUMP: f64 = 4.0;
@@ -76,7 +78,7 @@ pub fn judge_odometry(
             "look up the distance between the wheels",
         ),
     ] {
-        // What hardly moved so has no factor.
+        // Too little motion gives no factor.
         if factor > 0.0 {
             let figure = Figure::new(name, factor, "");
             report.measure(figure.clone());
@@ -105,7 +107,7 @@ fn judge_mount(best: &Fit, stated: &OdometryModel, report: &mut Report) {
             "the camera stands {:.0} degrees otherwise on the base of the odometry than stated",
             off.to_degrees()
         );
-        // On a floor, turns to the other side look like a camera that hangs upside down.
+        // On a floor, reversed rotations look like a camera that hangs upside down.
         let other_way = if off > UPSIDE_DOWN {
             "; or, if it does not hang upside down, exchange the left wheel and the right one: the base turns to the other side"
         } else {
@@ -132,7 +134,6 @@ fn judge_mount(best: &Fit, stated: &OdometryModel, report: &mut Report) {
     }
 }
 
-/// Whether it jumps as no base does, which is said.
 fn judge_jumps(base: &Track, report: &mut Report) -> bool {
     let step = |pair: &[(f64, Se3)]| {
         let (from, to) = (pair[0].1, pair[1].1);
@@ -166,7 +167,7 @@ fn judge_jumps(base: &Track, report: &mut Report) -> bool {
     jumps > 0
 }
 
-/// Whether the base stands still while the camera moves, or nothing moves, which is said.
+/// Whether the base stands still while the camera moves, or nothing moves, which is reported.
 fn judge_standing(base: &Track, camera: &Track, report: &mut Report) -> bool {
     let motions = motions(base, camera, 0.0);
     if motions.len() < LEAST {
@@ -205,7 +206,7 @@ fn judge_standing(base: &Track, camera: &Track, report: &mut Report) -> bool {
     true
 }
 
-/// Where all motions are along one axis: whether the camera goes where the odometry says.
+/// For motions along one axis: compares the camera's direction with that of the odometry.
 fn judge_direction(base: &Track, camera: &Track, stated: &OdometryModel, report: &mut Report) {
     let mount = stated.base_from_camera;
     let pairs = vectors(&motions(base, camera, 0.0), &mount.translation);

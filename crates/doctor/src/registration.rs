@@ -1,8 +1,9 @@
-//! Whether depth lies in the pixels of the colour image.
+//! Checks that depth is registered to the colour image.
 //!
-//! Answers: by how much silhouettes of the depth image lie beside contours of the colour image, once motion between both is taken out. Depth
-//! of another camera is shifted by its baseline over depth, by its direction, and in proportion to the distance from the middle where the focal lengths
-//! differ; the model has these three parts along each axis. It also compares with the contours that a mirrored depth image would have.
+//! Measures the shift between silhouettes of the depth image and contours of the colour image, after removing motion. Depth of another
+//! camera is shifted by its baseline over depth, by its direction, and in proportion to the distance from the middle if the focal lengths
+//! differ; the model has these three parts along each axis. It also compares with the contours at the silhouettes of a mirrored depth
+//! image.
 
 use crate::edges::MeanProfile;
 use crate::finding::{Figure, Finding, Report, Symptom};
@@ -10,27 +11,27 @@ use crate::gradient::{Axis, PROFILE, REACH};
 use crate::median::median;
 use crate::sync::{Delay, Moving, sample};
 
-/// Where registered silhouettes and contours meet, px: lenses of depth cameras that nobody calibrated leave as much.
+/// Maximum distance of registered silhouettes and contours, px: uncalibrated lenses of depth cameras leave as much.
 const NEAR: i32 = 3;
-/// Silhouette pixels that the model is fitted to at most, and a judgement needs along an axis.
+/// Maximum number of silhouette pixels for the fit, and the minimum to judge an axis.
 const MAX_EDGES: usize = 4000;
 const MIN_EDGES: usize = 800;
-/// A model that holds makes contours this much stronger at silhouettes than around them.
+/// For a valid model, contours are this much stronger at silhouettes than around them.
 const HOLDS: f64 = 1.25;
 /// It is better than no shift by this factor.
 const BETTER: f64 = 1.25;
-/// Without a shift contours are stronger than this at silhouettes of registered depth, even where frames and shadows run beside them: 1.5 and more
-/// on real and simulated streams; with depth of a camera 25 mm aside they were not stronger than 1.1.
+/// Minimum strength of contours at silhouettes of registered depth without a shift, even next to frames and shadows: 1.5 and more on real
+/// and simulated streams; with depth of a camera 25 mm aside they were not stronger than 1.1.
 const REGISTERED: f64 = 1.3;
-/// So many silhouettes of surfaces that end towards one end of the axis, and of those that end towards the other, are each better with the model than without by this factor: a ledge
-/// that runs beside an edge has its second contour at one side of it.
+/// Minimum number of silhouettes of surfaces that end towards one end of the axis, and likewise towards the other, and the factor by which
+/// the model improves each of both groups: a ledge beside an edge has its second contour on one side only.
 const MIN_ONE_WAY: usize = 200;
 const BETTER_ONE_WAY: f64 = 1.1;
 /// It shifts half of the silhouettes by more than this, px.
 const MIN_SHIFT: f64 = 4.0;
-/// A shift that is the same at all times agrees better than a delay by this factor where it is the cause.
+/// If a constant shift is the cause, it agrees better than a delay by this factor.
 const FITS: f64 = 1.1;
-/// Mirrored images agree better than those at hand by this factor.
+/// Mirrored images agree better than the given ones by this factor.
 const MIRRORED: f64 = 1.3;
 
 /// Shift along an axis: px, px m (over depth), and per px from the middle.
@@ -41,7 +42,7 @@ struct Shift {
     by_place: f32,
 }
 
-/// An edge with all that shifts it but registration.
+/// An edge with all shifts except registration.
 struct Sample<'a> {
     edge: &'a Moving,
     /// px from the middle of the image.
@@ -66,7 +67,6 @@ impl Shift {
     }
 }
 
-/// What was found along one axis.
 #[derive(Clone, Copy, Debug)]
 struct AxisResult {
     /// Agreement near no shift, and with the best model, over the mean of all profiles.
@@ -75,20 +75,18 @@ struct AxisResult {
     /// Median of the model's shift and of its size, px.
     shift: f64,
     size: f64,
-    /// Whether surfaces that end towards either end of the axis bear the model out.
+    /// Whether surfaces that end towards either end of the axis support the model.
     both_ways: bool,
 }
 
-/// What was seen of registration.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Registered {
-    /// Depth is in the pixels of the colour image, as far as can be seen.
+    /// Depth appears registered to the colour image.
     pub(crate) yes: bool,
-    /// The delay explains where silhouettes lie better than a shift does that is the same at all times.
+    /// The delay explains the silhouettes' positions better than a constant shift.
     pub(crate) delay_holds: bool,
 }
 
-/// Judges registration and mirroring.
 pub(crate) fn judge(
     edges: &[Moving],
     profiles: &[f32],
@@ -100,7 +98,7 @@ pub(crate) fn judge(
     let at = |delay: f64| Axis::BOTH.map(|axis| examine(axis, edges, profiles, delay, size));
     let still = at(0.0);
     let moved = delay.filter(|d| d.is_sharp()).map(|d| at(d.value));
-    // Depth that is not registered has a delay of its own that happens to fit best.
+    // Unregistered depth has a spurious best delay.
     let held = moved.filter(|moved| mean(&still, |r| r.best) <= FITS * mean(moved, |r| r.here));
     let mut found = Registered {
         yes: true,
@@ -173,7 +171,7 @@ pub(crate) fn judge(
     found
 }
 
-/// A figure of both axes, on average.
+/// Mean of a value over both axes.
 fn mean(along: &[Option<AxisResult>; 2], of: impl Fn(&AxisResult) -> f64) -> f64 {
     let values: Vec<f64> = along.iter().flatten().map(of).collect();
     values.iter().sum::<f64>() / values.len().max(1) as f64
@@ -197,7 +195,7 @@ fn examine(
             moved: edge.shift(delay),
             profile,
         })
-        // What moves far between both exposures says more about time.
+        // Edges that move far between both exposures are more informative about time.
         .filter(|s| s.moved.abs() < 0.5 * REACH as f32)
         .collect();
     let stride = samples.len().div_ceil(MAX_EDGES).max(1);
@@ -219,7 +217,7 @@ fn examine(
     let here = (-NEAR..=NEAR)
         .map(|c| constant(c).agreement(samples.iter()) / mean)
         .fold(0.0, f64::max);
-    // Chosen by one half of the silhouettes, judged by the other: a model with three parts would fit a few contours by chance.
+    // Fitted to one half of the silhouettes, judged on the other: a model with three parts would fit a few contours by chance.
     let model = fit(&samples);
     let second = samples.iter().skip(1).step_by(2);
     let best = model.agreement(second) / mean;
@@ -271,7 +269,7 @@ fn fit(samples: &[Sample<'_>]) -> Shift {
     grid(finer, [0.5, 0.7, 0.004], [1, 1, 1], 1)
 }
 
-/// Finds images of which one is mirrored.
+/// Detects that one of the images is mirrored.
 fn mirror(
     edges: &[Moving],
     profiles: &[f32],

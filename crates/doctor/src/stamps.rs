@@ -1,6 +1,6 @@
-//! Whether stamps go on as a clock does.
+//! Checks the stamps.
 //!
-//! Answers: how often frames come, how many are missing, and where stamps run backwards, stand still or jump.
+//! Answers: the frame rate, the number of missing frames, and where stamps decrease, repeat or jump.
 
 use crate::finding::{Figure, Finding, Report, Symptom};
 use crate::median::median;
@@ -8,13 +8,13 @@ use crate::median::median;
 /// A step of more than this many intervals, and of more than this many seconds, is a jump.
 const JUMP: f64 = 10.0;
 const JUMP_S: f64 = 1.0;
-/// A step of more than this many intervals leaves frames out.
+/// A step of more than this many intervals means missing frames.
 const GAP: f64 = 1.7;
-/// Share of missing frames from which tracking suffers: fast motion then goes twice as far between frames now and again.
+/// Fraction of missing frames from which tracking suffers: fast motion then sometimes doubles between frames.
 const MISSING: f64 = 0.15;
-/// Seconds that a judgement of them needs: a driver that pauses once leaves as large a share of half a second out.
+/// Minimum duration to judge missing frames, s: one pause of a driver is as large a fraction of half a second.
 const LONG_ENOUGH: f64 = 1.0;
-/// Frames that a judgement needs.
+/// Minimum number of frames to judge.
 const MIN_FRAMES: usize = 10;
 
 pub(crate) fn judge(stamps: &[f64], report: &mut Report) {
@@ -70,7 +70,7 @@ pub(crate) fn judge(stamps: &[f64], report: &mut Report) {
     }
 }
 
-/// Judges the places at which the clock was set back that stamped the images: by how much, s, and at which of them in the order of writing, from 0.
+/// Judges the points at which the clock of the images was set back: by how much, s, and at which image in the order of writing, from 0.
 pub fn judge_clock(set_back: impl IntoIterator<Item = (usize, f64)>, report: &mut Report) {
     let all: Vec<(usize, f64)> = set_back.into_iter().collect();
     let Some((index, by)) = all.first() else {
@@ -122,7 +122,7 @@ mod tests {
             k % 4 != 0
         });
         assert_eq!(findings(&gaps), [Symptom::DroppedFrames]);
-        // Half a second tells nothing of the rest.
+        // Half a second is too short to judge.
         assert_eq!(findings(&gaps[..15]), []);
         // One in twenty does no harm.
         let mut few = steady;

@@ -1,22 +1,21 @@
-//! Whether images stand still while the others go on.
+//! Checks for frozen images.
 //!
-//! Answers: how many frames repeat an image of the frame before, and for how long at most. Frames of a source without noise, such as a simulator, repeat while its
-//! camera is at rest, so they are counted only.
+//! Answers: how many frames repeat the image of the frame before, and for how long. Frames of a source without noise, such as a simulator,
+//! repeat while its camera is at rest, so they are only counted.
 
 use crate::finding::{Figure, Finding, Report, Symptom};
 use std::sync::Arc;
 use stillpoint_imaging::{RgbdFrame, Standstill, Still, StillWatch};
 
-/// Frames in a row from which on a stream stands still: where a frame was dropped, its neighbour is paired twice.
+/// Number of consecutive frames from which a stream is frozen: after a dropped frame, its neighbour is paired twice.
 const FEW: u32 = 3;
-/// Share of frames from which on single repeats are said, too: such a stream is slower than its stamps say.
+/// Fraction of frames from which single repeats are reported, too: such a stream is slower than its stamps say.
 const OFTEN: f64 = 0.1;
 
-/// What was seen of it.
 #[derive(Default)]
 pub(crate) struct Standstills {
     watch: StillWatch,
-    /// Frames that repeat an image, by what they repeat, and the longest time of each.
+    /// Frames that repeat an image, by the repeated part, and the longest time of each.
     depth: Seen,
     colour: Seen,
     frame: Seen,

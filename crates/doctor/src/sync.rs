@@ -1,45 +1,45 @@
-//! Whether depth was taken when its stamps say.
+//! Checks the synchronisation of depth and colour.
 //!
-//! Answers: how much later the stamp of a depth image is than its exposure, as seen beside the colour image's. A silhouette of the depth image
-//! lies beside its contour in the colour image by the velocity of that contour times the time between both exposures. Over some seconds the
-//! velocity changes, so the delay at which contours and silhouettes agree best stands apart from any constant offset, which is found with it.
+//! Estimates by how much the stamp of a depth image is later than its exposure, relative to the colour image. A silhouette of the depth
+//! image is shifted from its contour in the colour image by the velocity of that contour times the time between both exposures. Over some
+//! seconds the velocity changes, so the best delay is distinguishable from a constant offset, which is estimated with it.
 
 use crate::finding::{Figure, Finding, Report, Symptom};
 use crate::gradient::{Axis, PROFILE, REACH};
 
-/// Delays that are tried: so many steps to both sides of zero.
+/// Delays tried: this many steps to both sides of zero.
 const STEPS: usize = 24;
 /// s per step.
 const STEP: f64 = 0.004;
-/// Constant offsets that are tried to both sides, px: what registered depth has. More would take the place of the delay where the velocity hardly
-/// changes.
+/// Constant offsets tried to both sides, px: those of registered depth. More would absorb the delay if the velocity hardly changes.
 const OFFSETS: usize = 3;
-/// Parts of the stream of which each is left out in turn for the standard deviation (jackknife; Efron, 1982).
+/// Number of parts of the stream, each left out in turn for the standard deviation (jackknife; Efron, 1982).
 const PARTS: usize = 10;
-/// Delays that stamps taken at the arrival of images have: a depth image is exposed for up to a frame's time and computed before it arrives, so
-/// its stamp may be late by nearly a frame of 30 Hz; hardly ever is it early. s.
+/// Usual delays of stamps taken on arrival of images, s: a depth image is exposed for up to a frame's time and computed before it arrives,
+/// so its stamp may be late by nearly a frame of 30 Hz; it is hardly ever early.
 const USUAL: [f64; 2] = [-0.010, 0.025];
-/// Beyond them by so many standard deviations it is unusual.
+/// A delay beyond them by this many standard deviations is unusual.
 const SIGMAS: f64 = 1.5;
-/// The agreement at the best delay is better than at any usual one by this share of what the delay makes of it altogether.
+/// Minimum improvement of the agreement at the best delay over any usual one, as a fraction of its range over all delays.
 const MARGIN: f64 = 0.02;
-/// The best delay is the mean of those whose agreement is among the uppermost share of what it makes of it: its top is flat where contours run side by
-/// side.
+/// The best delay is the mean of those whose agreement is within this top fraction of its range: the peak is flat where contours run side
+/// by side.
 const TOP: f64 = 0.12;
-/// A delay whose standard deviation is above this is not known, s.
+/// Maximum standard deviation of a known delay, s.
 const MAX_SIGMA: f64 = 0.006;
 /// A delay can still be reported as unusual up to this standard deviation, s.
 const MAX_SIGMA_UNUSUAL: f64 = 0.010;
-/// The delay matters where it changes the agreement by this share.
+/// Minimum relative change of the agreement by the delay.
 const MIN_CONTRAST: f64 = 0.1;
-/// What the estimate is short by, as a share of it, where contours of the background mix in: of 33 and 67 ms on simulated paths 27 to 33 and 56 to 76 were seen.
+/// The estimate is too short by this fraction where contours of the background mix in: of 33 and 67 ms on simulated paths 27 to 33 and 56
+/// to 76 were seen.
 const SYSTEMATIC: f64 = 0.2;
-/// Stamps of depth are late by so much at most as most drivers make them, s: what a stream was shifted by is told against that.
+/// Maximum delay of depth stamps of most drivers, s; a stream's shift is reported relative to that.
 const USUALLY_LATE: f64 = 0.025;
-/// Silhouette pixels that a judgement needs.
+/// Minimum number of silhouette pixels to judge.
 const MIN_EDGES: usize = 2000;
 
-/// A silhouette pixel with what the image does there.
+/// A silhouette pixel with its image motion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moving {
     pub(crate) axis: Axis,
@@ -47,30 +47,28 @@ pub(crate) struct Moving {
     pub(crate) backwards: bool,
     pub(crate) x: u16,
     pub(crate) y: u16,
-    /// Depth, m.
     pub(crate) z: f32,
     /// Velocity of the image along the axis, px/s.
     pub(crate) velocity: f32,
     /// Stamp of colour less that of depth, s.
     pub(crate) stamp_difference: f32,
-    /// Number of the frame.
     pub(crate) frame: u32,
 }
 
 impl Moving {
-    /// Where its contour is in the colour image beside it, px along the axis, when stamps of depth are late by `delay` s.
+    /// Offset of its contour in the colour image, px along the axis, if stamps of depth are late by `delay` s.
     pub(crate) fn shift(&self, delay: f64) -> f32 {
         self.velocity * (self.stamp_difference + delay as f32)
     }
 
-    /// Whether all delays that are tried keep its profile in reach.
+    /// Whether its profile covers all delays tried.
     fn is_slow(&self) -> bool {
         let latest = STEPS as f32 * STEP as f32 + self.stamp_difference.abs();
         self.velocity.abs() * latest + (OFFSETS as f32) < REACH as f32 - 1.0
     }
 }
 
-/// The value of a profile beside its middle, by linear interpolation; the ends where it is out of reach.
+/// Value of a profile at an offset from its middle, by linear interpolation, clamped to its ends.
 pub(crate) fn sample(profile: &[f32], shift: f32) -> f32 {
     let p = (shift + REACH as f32).clamp(0.0, (PROFILE - 2) as f32);
     let i = p as usize;
@@ -78,30 +76,28 @@ pub(crate) fn sample(profile: &[f32], shift: f32) -> f32 {
     (1.0 - f) * profile[i] + f * profile[i + 1]
 }
 
-/// The delay, where there is one to be seen.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Delay {
     /// s by which stamps of depth are late.
     pub(crate) value: f64,
     pub(crate) sigma: f64,
-    /// Share by which the delay changes the agreement.
+    /// Relative change of the agreement by the delay.
     contrast: f64,
-    /// How much better the best delay agrees than the best usual one, as a share of that.
+    /// Relative improvement of the agreement at the best delay over the best usual one.
     beyond: f64,
 }
 
 impl Delay {
-    /// Whether it is known.
     fn is_known(&self) -> bool {
         self.sigma <= MAX_SIGMA && self.contrast >= MIN_CONTRAST
     }
 
-    /// Whether it may be told, at least when it is unusual.
+    /// Whether it may be reported, at least if unusual.
     pub(crate) fn is_sharp(&self) -> bool {
         self.sigma <= MAX_SIGMA_UNUSUAL && self.contrast >= MIN_CONTRAST
     }
 
-    /// Standard deviation of what is said, s: frames that err alike do not show in their scatter.
+    /// Standard deviation of the reported value, s: common errors of frames do not show in their scatter.
     fn uncertainty(&self) -> f64 {
         self.sigma.hypot(SYSTEMATIC * self.value)
     }
@@ -151,7 +147,7 @@ impl Votes {
         }
     }
 
-    /// How well silhouettes and contours agree at each delay, with the best offset along each axis.
+    /// Agreement of silhouettes and contours at each delay, with the best offset along each axis.
     fn agreement(&self) -> [f64; DELAYS] {
         let mut total = [0.0; DELAYS];
         let all = (self.count[0] + self.count[1]).max(1.0);
@@ -169,7 +165,7 @@ fn delay_of(step: f64) -> f64 {
     (step - STEPS as f64) * STEP
 }
 
-/// The delay with the best agreement, s: the mean of the top that holds the greatest.
+/// The delay with the best agreement, s: the mean of the highest peak.
 fn best_delay(agreement: &[f64; DELAYS]) -> f64 {
     let low = agreement.iter().copied().fold(f64::MAX, f64::min);
     let top = (0..DELAYS)
@@ -192,7 +188,7 @@ fn best_delay(agreement: &[f64; DELAYS]) -> f64 {
     }
 }
 
-/// Estimates the delay from silhouettes and their profiles ([`PROFILE`] numbers each).
+/// Estimates the delay from silhouettes and their profiles ([`PROFILE`] values each).
 pub(crate) fn estimate(edges: &[Moving], profiles: &[f32]) -> Option<Delay> {
     let slow = |(e, _): &(&Moving, &[f32])| e.is_slow();
     let usable = || {
@@ -205,7 +201,7 @@ pub(crate) fn estimate(edges: &[Moving], profiles: &[f32]) -> Option<Delay> {
     if count < MIN_EDGES {
         return None;
     }
-    // Parts of as many frames each, one after the other: neighbouring frames err alike.
+    // Consecutive parts of equally many frames: errors of neighbouring frames are correlated.
     let (first, last) = (edges.first()?.frame, edges.last()?.frame);
     let span = last - first + 1;
     let mut parts = vec![Votes::new(); PARTS];
@@ -251,7 +247,7 @@ fn jackknife(whole: &Votes, parts: &[Votes]) -> f64 {
     }
     let mean = values.iter().sum::<f64>() / n;
     let squares: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
-    // Half a step is what the grid leaves.
+    // The grid leaves half a step.
     (squares * (n - 1.0) / n).sqrt().max(0.5 * STEP)
 }
 

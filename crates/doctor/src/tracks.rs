@@ -1,53 +1,48 @@
-//! Corners followed from frame to frame.
+//! Tracks corners from frame to frame.
 //!
-//! Answers: where corners were in the frames, how fast they moved across the image, and what depth they had at chosen frames (views).
+//! Answers: the corners' positions, their image velocity, and their depth at selected frames (views).
 
 use stillpoint_features::{Features, Flow, FlowConfig, FlowMatch, OrbConfig, OrbExtractor};
 use stillpoint_imaging::{DepthImage, RgbdFrame, Simd};
 
-/// Corners followed at once.
+/// Number of corners tracked at once.
 const CORNERS: usize = 500;
-/// Side of the cells of which each holds one corner at most, px.
+/// Side of the cells with at most one corner each, px.
 const CELL: usize = 14;
 /// Time between views, s: short enough that two thirds of the corners are seen in three in a row.
 const VIEW_EVERY: f64 = 1.0 / 6.0;
-/// Depths beside a corner are compared over this distance, px, and differ by this share at most.
+/// Depths beside a corner are compared over this distance, px, and differ by at most this fraction.
 const BESIDE: isize = 3;
 const FLAT: f32 = 0.06;
 
-/// One corner over time.
 #[derive(Clone, Debug)]
 pub(crate) struct Track {
-    /// Where it is in the last frame, px.
+    /// Position in the last frame, px.
     pub(crate) now: [f32; 2],
-    /// Where it was one and two frames before.
     before: Option<[f32; 2]>,
     earlier: Option<[f32; 2]>,
-    /// Depth at `before`, whatever is beside it, m; 0 for none.
+    /// Depth at `before`, on any surface, m; 0 for none.
     depth_before: f32,
     depth_now: f32,
     /// Position and depth (m) in views, by their number, where the depth is smooth.
     seen: Vec<(u32, Sight)>,
 }
 
-/// A corner in a view.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sight {
     pub(crate) pixel: [f32; 2],
     pub(crate) z: f32,
 }
 
-/// A corner's motion across the image at the last frame but one.
+/// A corner's image motion at the last frame but one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Motion {
     pub(crate) pixel: [f32; 2],
-    /// Depth, m.
     pub(crate) z: f32,
     /// px/s.
     pub(crate) velocity: [f32; 2],
 }
 
-/// All corners of a stream.
 pub(crate) struct Tracks {
     extractor: OrbExtractor,
     flow: Flow,
@@ -57,7 +52,6 @@ pub(crate) struct Tracks {
     ended: Vec<Track>,
     /// Stamps of the last frames, the newest last.
     stamps: Vec<f64>,
-    /// Stamps of the views.
     views: Vec<f64>,
 }
 
@@ -80,12 +74,11 @@ impl Tracks {
         }
     }
 
-    /// Stamps of the views, s.
     pub(crate) fn views(&self) -> &[f64] {
         &self.views
     }
 
-    /// Follows the corners into a frame, and takes new ones.
+    /// Tracks the corners into a frame, and adds new ones.
     pub(crate) fn step(&mut self, frame: &RgbdFrame) {
         self.extractor.extract(&frame.gray, &mut self.features);
         if !self.stamps.is_empty() {
@@ -141,7 +134,6 @@ impl Tracks {
             .extend(lost.into_iter().filter(|t| t.seen.len() > 1));
     }
 
-    /// New corners where there are none.
     fn fill(&mut self, frame: &RgbdFrame) {
         let columns = frame.gray.width() / CELL + 1;
         let rows = frame.gray.height() / CELL + 1;
@@ -171,7 +163,7 @@ impl Tracks {
         }
     }
 
-    /// How the corners moved at the last frame but one.
+    /// Motions of the corners at the last frame but one.
     pub(crate) fn motions(&self) -> Vec<Motion> {
         let [.., first, _, last] = self.stamps[..] else {
             return Vec::new();
@@ -196,7 +188,6 @@ impl Tracks {
             .collect()
     }
 
-    /// What two views both saw.
     pub(crate) fn common(&self, a: u32, b: u32) -> Vec<[Sight; 2]> {
         let sight = |t: &Track, view: u32| {
             let at = t.seen.binary_search_by_key(&view, |s| s.0).ok()?;
@@ -211,7 +202,6 @@ impl Tracks {
 }
 
 impl Track {
-    /// Where it is next if it goes on as before.
     fn expected(&self) -> [f32; 2] {
         self.before
             .map_or(self.now, |b| [0, 1].map(|k| 2.0 * self.now[k] - b[k]))
@@ -231,7 +221,7 @@ fn nearest_depth(depth: &DepthImage, at: [f32; 2]) -> f32 {
     pixel(depth, at).map_or(0.0, |[x, y]| depth.at(x as usize, y as usize))
 }
 
-/// Mean depth of nine pixels at and beside a corner; none where one is missing or the surface ends.
+/// Mean depth of nine pixels at and beside a corner; `None` if one is missing or the surface ends.
 fn smooth_depth(depth: &DepthImage, at: [f32; 2]) -> Option<f32> {
     let [x, y] = pixel(depth, at)?;
     let (mut low, mut high, mut sum) = (f32::MAX, 0.0_f32, 0.0);

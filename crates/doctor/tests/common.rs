@@ -1,4 +1,4 @@
-//! Streams in memory, and what the doctor says of them with and without faults.
+//! Streams in memory, and the doctor's findings with and without faults.
 
 use std::collections::VecDeque;
 use stillpoint_datasets::{Disturbance, Disturbed, Fault, Faulty};
@@ -6,17 +6,14 @@ use stillpoint_doctor::{Report, Setup, Symptom, examine};
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameSource, RgbdFrame, SourceError};
 
-/// Seconds that are looked at.
 pub(crate) const SECONDS: f64 = 3.0;
 
-/// Frames with the camera that they are of.
 pub(crate) struct Stream {
     pub(crate) name: String,
     pub(crate) frames: Vec<RgbdFrame>,
     pub(crate) setup: Setup,
 }
 
-/// Gives frames one after the other.
 pub(crate) struct Played(VecDeque<RgbdFrame>);
 
 impl FrameSource for Played {
@@ -30,25 +27,21 @@ impl Stream {
         Played(self.frames.iter().cloned().collect())
     }
 
-    /// What is found as it is.
     pub(crate) fn report(&self) -> Report {
         self.look(&mut self.played(), self.setup, "as it is")
     }
 
-    /// What is found with a fault in its frames.
     pub(crate) fn with(&self, fault: Fault) -> Report {
         let mut faulty = Faulty::new(self.played(), fault);
         self.look(&mut faulty, self.setup, &format!("{fault:?}"))
     }
 
-    /// What is found with all its frames disturbed.
     pub(crate) fn disturbed(&self, what: Disturbance) -> Report {
         let all = vec![(0..u32::MAX, what)];
         let mut disturbed = Disturbed::new(self.played(), all).unwrap();
         self.look(&mut disturbed, self.setup, &format!("{what:?}"))
     }
 
-    /// What is found when it is taken for the images of another camera.
     pub(crate) fn taken_for(&self, camera: Camera) -> Report {
         let setup = Setup {
             camera,
@@ -64,13 +57,13 @@ impl Stream {
         report
     }
 
-    /// The fault is the first that is named. Others may be, where it causes them.
+    /// The fault must be the first finding. Its consequences may follow.
     pub(crate) fn check(&self, report: &Report, symptom: Symptom) {
         let first = report.findings.first().map(|f| f.symptom);
         assert_eq!(first, Some(symptom), "{}\n{report}", self.name);
     }
 
-    /// The four faults of which each has to be named.
+    /// The four faults that must be found.
     pub(crate) fn check_faults(&self) {
         let camera = self.setup.camera;
         for factor in [5.0, 0.2] {
@@ -101,7 +94,6 @@ impl Stream {
     }
 }
 
-/// Nothing is wrong.
 pub(crate) fn assert_well(name: &str, report: &Report) {
     assert!(report.findings.is_empty(), "{name}\n{report}");
 }

@@ -1,6 +1,6 @@
-//! Tests of the public interface: one binary.
+//! Tests of the public interface.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // Clippy does not recognise helpers as tests.
 
 mod common;
 mod recorded;

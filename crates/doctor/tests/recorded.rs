@@ -1,4 +1,4 @@
-//! Recordings of real cameras, where they are there: nothing is wrong with them, and each fault that is put into one is named.
+//! Recordings of real cameras, if available: they have no faults, and each injected fault is found.
 
 use crate::common::{SECONDS, Stream, assert_well};
 use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions};
@@ -54,7 +54,7 @@ fn nothing_is_wrong_with_recordings() {
     }
 }
 
-/// Its depth is not registered to colour exactly.
+/// Its depth is not exactly registered to colour.
 #[test]
 fn of_the_kitchen_registration_may_be_named_and_nothing_else() {
     for start in [0, 150] {

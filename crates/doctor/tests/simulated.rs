@@ -1,4 +1,4 @@
-//! Simulated streams: nothing is wrong with them, and each fault that is put into one is named.
+//! Simulated streams: they have no faults, and each injected fault is found.
 
 use crate::common::{SECONDS, Stream, assert_well};
 use stillpoint_datasets::{Disturbance, Fault};
@@ -25,8 +25,8 @@ fn simulated(scene: &str) -> Stream {
     }
 }
 
-/// With `xyz` and `rpy` of the tests below four scenes on which nothing may be wrong: translations, turns, people, fast turns among people with blur and a rolling
-/// shutter. Long, since three seconds of each are rendered: less would not be what is promised.
+/// With `xyz` and `rpy` of the tests below four scenes without findings: translations, rotations, people, fast rotations among people with
+/// blur and a rolling shutter. Long, since three seconds of each are rendered: fewer would not test the promised duration.
 #[test]
 fn nothing_is_wrong_with_simulated_streams() {
     for scene in ["walking_xyz", "crowd_rpy_60"] {
@@ -50,7 +50,7 @@ fn faults_of_a_simulated_stream_are_named() {
 /// Focal lengths and lens models that belong to another camera.
 fn cameras(stream: &Stream) {
     let camera = stream.setup.camera;
-    // A lens model that folds within the image: its k3 was left out.
+    // A lens model that folds within the image: its k3 was omitted.
     let fold = Camera {
         distortion: BrownConrady {
             k1: 0.262_383,
@@ -62,7 +62,7 @@ fn cameras(stream: &Stream) {
     stream.check(&stream.taken_for(fold), Symptom::Lens);
 }
 
-/// What happens to a camera in somebody's hands, for as long as is looked at.
+/// Disturbances of a hand-held camera, over the whole examined time.
 fn disturbances(stream: &Stream) {
     for (what, symptom) in [
         (Disturbance::Covered, Symptom::Exposure),
@@ -75,7 +75,7 @@ fn disturbances(stream: &Stream) {
     }
 }
 
-/// When the camera turns, its motion tells a focal length that is wrong along both axes, which the camera's figures do not.
+/// Rotation reveals a focal length that is wrong along both axes, which the intrinsics do not.
 #[test]
 fn a_focal_length_that_is_wrong_along_both_axes_is_told_by_turns() {
     let stream = simulated("rpy");

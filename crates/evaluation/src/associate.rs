@@ -1,14 +1,13 @@
-//! Which pose of the estimate belongs to which pose of the ground truth.
+//! Association of estimated poses with ground truth.
 
 use crate::TimedPose;
 
-/// Largest difference between the stamps of a pair, s.
+/// Maximum difference between the stamps of a pair, s.
 pub const DEFAULT_MAX_DT: f64 = 0.02;
 
-/// Pairs of indices `(reference, estimate)`: each pose of the trajectory with fewer poses (the estimate when they have
-/// equally many) goes with the pose of the other one that is nearest in time, when that is within `max_dt` (s); the earlier
-/// one of two that are equally near. A pose of the longer trajectory may serve twice. This is what evo does.
-/// Stamps must ascend.
+/// Pairs of indices `(reference, estimate)`: each pose of the shorter trajectory (the estimate if equal) is paired with the pose of the
+/// other one that is nearest in time, if within `max_dt` (s); the earlier of two equally near ones. A pose of the longer trajectory may be
+/// used twice. As in evo. Stamps must ascend.
 #[must_use]
 pub fn associate(
     reference: &[TimedPose],
@@ -30,7 +29,7 @@ pub fn associate(
     }
 }
 
-/// Index of the pose nearest to `stamp`, the earlier one of two, when it is within `max_dt`.
+/// Index of the pose nearest to `stamp`, the earlier of two, if within `max_dt`.
 pub(crate) fn nearest(poses: &[TimedPose], stamp: f64, max_dt: f64) -> Option<usize> {
     let after = poses.partition_point(|p| p.stamp <= stamp);
     let dt = |k: usize| (poses[k].stamp - stamp).abs();
@@ -63,7 +62,7 @@ mod tests {
     fn the_shorter_trajectory_leads_and_the_earlier_of_two_wins() {
         let (r, e) = (at(&[0.0, 0.25, 1.0]), at(&[0.125, 0.25]));
         assert_eq!(associate(&r, &e, 0.2), [(0, 0), (1, 1)]);
-        // Equally many: the estimate leads, and both its poses may take the same one.
+        // Equal lengths: the estimate leads, and both its poses may take the same one.
         assert_eq!(
             associate(&at(&[0.0, 5.0]), &at(&[0.01, 0.02]), 0.02),
             [(0, 0), (0, 1)]

@@ -24,16 +24,14 @@ pub struct Ate {
     pub statistics: Statistics,
     /// Maps the estimate onto the ground truth.
     pub alignment: Alignment,
-    /// Each pair, in the order of time.
+    /// Each pair, in order of time.
     pub pairs: Vec<PairError>,
 }
 
-/// Absolute error over the given pairs of indices `(reference, estimate)`, after alignment by SE(3), or Sim(3) when
-/// `with_scale`.
+/// Absolute error over the given pairs of indices `(reference, estimate)`, after alignment by SE(3), or Sim(3) if `with_scale`.
 ///
 /// # Errors
-/// [`EvaluationError::TooFewPairs`] (its `max_dt` is not a number here), [`EvaluationError::FixedReference`],
-/// [`EvaluationError::FixedEstimate`].
+/// [`EvaluationError::TooFewPairs`] (with `max_dt` NaN), [`EvaluationError::FixedReference`], [`EvaluationError::FixedEstimate`].
 pub fn absolute_error(
     reference: &[TimedPose],
     estimate: &[TimedPose],

@@ -1,31 +1,32 @@
-//! Whether covariances are honest: how often the truth lies within the interval that they promise.
+//! Consistency of covariances: how often the truth lies within the predicted interval.
 
 use crate::{TimedPose, is_fixed};
 use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6, align_umeyama, so3};
 
-/// Deviations of a normal number to either side within which 90 % of them lie.
+/// Standard deviations on either side that contain 90 % of a normal distribution.
 const SIGMAS_90: f64 = 1.644_853_626_951_472_2;
-/// The truth is interpolated only between poses no farther apart than this, s: several times the interval of ground truth at 10 Hz, chosen.
+/// Maximum time between poses for interpolation of the truth, s: several times the interval of ground truth at 10 Hz, chosen.
 const MAX_GAP: f64 = 0.25;
-/// The duration of a motion may differ from the requested one by this, s: three intervals of 30 Hz, chosen.
+/// Maximum difference of a motion's duration from the requested one, s: three intervals of 30 Hz, chosen.
 const TOLERANCE: f64 = 0.1;
 
-/// Which shares of the intervals of 90 % hold the truth, over all poses and axes.
+/// Fractions of the 90 % intervals that contain the truth, over all poses and axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coverage {
     /// Number of poses, or of motions.
     pub count: usize,
-    /// Of the axes of the place.
+    /// For the axes of position.
     pub place: f64,
-    /// Of those of the direction.
+    /// For the axes of rotation.
     pub direction: f64,
-    /// Root of the mean squared error by standard deviation, of the place: 1 is honest, more is too little promised.
+    /// Root of the mean squared error over its standard deviation, of position: 1 is consistent, more is overconfident.
     pub place_ratio: f64,
 }
 
-/// Coverage of single poses, each with its covariance `[translation; rotation]` in the axes of its camera: `truth = pose * exp(e)`. The estimate is brought to the truth by one
-/// motion that fits all positions best, as evo does, and directions by one turn that fits them best: positions say little about it on a short way. Of a camera that stands
-/// still both have their means in common. None where there are fewer than three pairs.
+/// Coverage of single poses, each with its covariance `[translation; rotation]` in the axes of its camera: `truth = pose * exp(e)`. The
+/// estimate is aligned to the truth by the motion that fits all positions best, as in evo, and rotations by the rotation that fits them
+/// best: on a short path, positions hardly determine it. For a camera at rest, the means of both are aligned. `None` with fewer than three
+/// pairs.
 #[must_use]
 pub fn coverage(
     truth: &[TimedPose],
@@ -59,8 +60,8 @@ pub fn coverage(
     )))
 }
 
-/// Coverage of motions over about so many seconds: `covariance` says what that from one pose of the estimate to a later one has, in the axes of the later one. Nothing is
-/// aligned. None where no two poses are so far apart.
+/// Coverage of motions over about this many seconds: `covariance` returns that of the motion from one pose of the estimate to a later one,
+/// in the axes of the later one. Nothing is aligned. `None` if no two poses are this far apart.
 #[must_use]
 pub fn motion_coverage(
     truth: &[TimedPose],
@@ -116,7 +117,6 @@ fn six(translation: &Vec3, rotation: &Vec3) -> Vec6 {
     Vec6::new(t.x, t.y, t.z, r.x, r.y, r.z)
 }
 
-/// The truth at a time.
 fn at(truth: &[TimedPose], stamp: f64) -> Option<Se3> {
     let after = truth.partition_point(|p| p.stamp < stamp);
     let b = truth.get(after)?;
@@ -131,10 +131,9 @@ fn at(truth: &[TimedPose], stamp: f64) -> Option<Se3> {
 
 type Turn = stillpoint_geometry::nalgebra::UnitQuaternion<f64>;
 
-/// The turn from which all others are off by nothing on average.
 fn mean_turn(turns: impl Iterator<Item = Turn> + Clone) -> Turn {
     let mut mean = turns.clone().next().unwrap_or_else(Turn::identity);
-    // Each round takes out what the one before left of it to third order.
+    // Each round reduces the error to third order.
     for _ in 0..5 {
         let (mut sum, mut count) = (Vec3::zeros(), 0.0);
         for turn in turns.clone() {
@@ -150,7 +149,7 @@ fn mean_turn(turns: impl Iterator<Item = Turn> + Clone) -> Turn {
 mod tests {
     use super::*;
 
-    /// Numbers of a normal distribution, the same in every run.
+    /// Reproducible samples of a normal distribution.
     fn normal(seed: &mut u64) -> f64 {
         let mut uniform = || {
             *seed = seed
@@ -161,7 +160,7 @@ mod tests {
         (0..12).map(|_| uniform()).sum::<f64>() - 6.0
     }
 
-    /// A camera on a circle, and what is found of it from another origin: each pose is off by centimetres and centiradians.
+    /// A camera on a circle, and its estimate from another origin: each pose is off by centimetres and centiradians.
     fn walk() -> (Vec<TimedPose>, Vec<TimedPose>) {
         let mut seed = 1;
         let other = Se3::exp(&Vec6::new(1.0, 2.0, 3.0, 0.3, -0.5, 0.2));

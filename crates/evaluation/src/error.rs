@@ -1,10 +1,10 @@
-//! Why two trajectories cannot be compared.
+//! Errors of the comparison of two trajectories.
 
-/// Two trajectories cannot be compared.
+/// Error: two trajectories cannot be compared.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
-    /// A trajectory holds no pose.
+    /// A trajectory has no pose.
     #[error("the {which} holds no pose: expected at least 3")]
     Empty {
         /// `"ground truth"` or `"estimate"`.
@@ -30,7 +30,7 @@ pub enum EvaluationError {
         reference: (f64, f64),
         /// First and last stamp of the estimate, s.
         estimate: (f64, f64),
-        /// Largest difference allowed, s.
+        /// Maximum difference, s.
         max_dt: f64,
     },
     /// Alignment needs three pairs.
@@ -38,12 +38,12 @@ pub enum EvaluationError {
         "only {pairs} poses have ground truth within {max_dt} s: expected at least 3 to align the trajectories"
     )]
     TooFewPairs {
-        /// Pairs found.
+        /// Number of pairs.
         pairs: usize,
-        /// Largest difference allowed, s.
+        /// Maximum difference, s.
         max_dt: f64,
     },
-    /// The camera does not move in the ground truth, so that alignment is not defined.
+    /// The camera does not move in the ground truth, so alignment is not defined.
     #[error(
         "the camera stands still in the ground truth (it stays within {extent:.6} m), so that nothing fixes the alignment; use the drift from the first pose instead of the ATE"
     )]
@@ -51,7 +51,7 @@ pub enum EvaluationError {
         /// Largest distance from the first pose, m.
         extent: f64,
     },
-    /// All poses of the estimate are at one place.
+    /// All poses of the estimate are at one position.
     #[error(
         "the estimate stays at one place while the ground truth moves: nothing fixes the alignment"
     )]

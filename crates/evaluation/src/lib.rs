@@ -1,8 +1,8 @@
 //! ATE, RPE, timing statistics and plots of trajectories; scores of tracked objects.
 //!
-//! Answers: how far an estimated trajectory is from the truth (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM
-//! systems", IROS 2012), and how long things took. Knows trajectories only: not how they were made, nor the files they
-//! came from. [`score`] is the whole of it; [`evaluate`], [`drift`] and [`associate`] are its parts. [`coverage`] judges covariances. [`objects`] does the same for boxes.
+//! Answers: the error of an estimated trajectory against the truth (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems",
+//! IROS 2012), and run times. Knows trajectories only, not their origin or files. [`score`] does everything; [`evaluate`], [`drift`] and
+//! [`associate`] are its parts. [`coverage`] judges covariances. [`objects`] scores tracked boxes.
 
 mod associate;
 mod ate;
@@ -31,7 +31,7 @@ pub use statistics::Statistics;
 
 use stillpoint_geometry::Se3;
 
-/// A pose of the camera at a time.
+/// A camera pose at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimedPose {
     /// Time, s.

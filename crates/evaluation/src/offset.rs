@@ -1,44 +1,48 @@
-//! By how much the clocks of two trajectories are apart.
+//! Estimates the offset between the clocks of two trajectories.
 //!
-//! Answers: with which offset between their stamps an estimate fits the ground truth best, and whether that is far better than without one. The ground truth is
-//! interpolated, so that its rate does not limit the answer.
+//! Answers: the offset of stamps at which an estimate fits the ground truth best, and whether that is far better than without one. The
+//! ground truth is interpolated, so its rate does not limit the result.
 
 use crate::TimedPose;
 use stillpoint_geometry::{Vec3, align_umeyama};
 
-/// Offsets that are tried to both sides, s: delays of networks and clocks that were set from one another are far below it (evo's users name some tenths), and two computers
-/// whose clocks nobody set are so far apart that nothing overlaps.
+/// Maximum offset tried to both sides, s: delays of networks and of synchronised clocks are far below it (evo's users name some tenths),
+/// and the stamps of unsynchronised computers do not overlap at all.
 const REACH: f64 = 5.0;
-/// The same where nothing overlaps and one trajectory is longer than the other, s: by so much recordings of one walk begin apart, at two keyboards.
+/// Likewise if nothing overlaps and one trajectory is longer than the other, s: recordings of one walk, started at two keyboards, begin up
+/// to this far apart.
 const LONGEST_REACH: f64 = 60.0;
-/// Steps between offsets, s, each within the one before: the motion of a hand changes within a quarter of a second, and stamps are meant to a millisecond.
+/// Steps between offsets, s, each a refinement of the previous one: the motion of a hand changes within a quarter of a second, and stamps
+/// should be right to a millisecond.
 const STEPS: [f64; 3] = [0.05, 0.005, 0.0005];
-/// Poses of the estimate that are compared at most: some 20 s at 30 Hz, so that 200 offsets take a fraction of a second.
+/// Maximum number of compared poses: some 20 s at 30 Hz, so that 200 offsets take a fraction of a second.
 const MOST_POSES: usize = 600;
-/// Poses of the ground truth are interpolated where they are not farther apart than this, s, or than so many of their usual steps: a hand moves on a line for a tenth of a
-/// second to a millimetre or two, and motion capture loses a pose or two now and then.
+/// Maximum gap for interpolation of the ground truth, s, or in multiples of its usual step: a hand moves straight for a tenth of a second
+/// to a millimetre or two, and motion capture sometimes loses a pose or two.
 const GAP: f64 = 0.1;
 const GAP_STEPS: f64 = 3.0;
-/// Share of the poses that have to be compared, and their number: fewer fit by chance, as an alignment has six freedoms and the offset is a seventh.
+/// Minimum fraction and number of compared poses: fewer fit by chance, as an alignment has six degrees of freedom and the offset is a
+/// seventh.
 const MIN_SHARE: f64 = 0.8;
 const MIN_POSES: usize = 10;
-/// An offset fits far better when the error falls below this share, by at least so much, m: the delay of a camera's own images (16 ms on fr1) makes 4 mm, and is no fault.
+/// An offset fits far better if the error falls below this fraction, by at least this difference, m: the delay of a camera's own images (16
+/// ms on fr1) causes 4 mm, and is not a fault.
 const FAR_BETTER: f64 = 0.5;
 const BY_AT_LEAST: f64 = 0.005;
 
 /// An offset between two clocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Offset {
-    /// To be added to the stamps of the estimate, s.
+    /// To add to the stamps of the estimate, s.
     pub seconds: f64,
     /// Root mean square of the distances with it, m.
     pub rmse: f64,
-    /// The same without an offset; none where the trajectories do not overlap.
+    /// Likewise without an offset; `None` if the trajectories do not overlap.
     pub rmse_without: Option<f64>,
 }
 
 impl Offset {
-    /// Whether it fits so much better that the clocks are most likely apart.
+    /// Whether it fits far better, so that the clocks most likely differ.
     #[must_use]
     pub fn is_far_better(&self) -> bool {
         self.rmse_without
@@ -46,8 +50,8 @@ impl Offset {
     }
 }
 
-/// The offset with which an estimate fits the ground truth best, after alignment by SE(3), with `with_scale` by Sim(3). None where no offset that is tried makes enough of
-/// both overlap, or the camera stands still. Stamps must ascend.
+/// The offset at which an estimate fits the ground truth best, after alignment by SE(3), with `with_scale` by Sim(3). `None` if no offset
+/// gives enough overlap, or the camera stands still. Stamps must ascend.
 #[must_use]
 pub fn find_offset(
     reference: &[TimedPose],
@@ -89,10 +93,9 @@ pub fn find_offset(
 /// Two trajectories that are compared at different offsets.
 struct Pair<'a> {
     reference: &'a [TimedPose],
-    /// Some poses of the estimate.
     estimate: Vec<&'a TimedPose>,
     with_scale: bool,
-    /// Poses of the reference between which is interpolated are not farther apart, s.
+    /// Maximum gap for interpolation of the reference, s.
     gap: f64,
 }
 
@@ -120,7 +123,6 @@ impl<'a> Pair<'a> {
         })
     }
 
-    /// Where the reference is at a time.
     fn at(&self, stamp: f64) -> Option<Vec3> {
         let after = self.reference.partition_point(|p| p.stamp <= stamp);
         let (a, b) = (
@@ -161,7 +163,7 @@ mod tests {
     use super::*;
     use stillpoint_geometry::Se3;
 
-    /// A hand's motion from `start` on, sampled at a rate, with stamps that are late.
+    /// A hand's motion from `start` on, sampled at a rate, with late stamps.
     fn moved(start: f64, seconds: f64, rate: f64, late: f64) -> Vec<TimedPose> {
         let count = (seconds * rate) as usize;
         (0..count)
@@ -190,7 +192,7 @@ mod tests {
             assert!((found.seconds + late).abs() < 2e-3, "{late}: {found:?}");
             assert!(found.is_far_better() && found.rmse < 1e-3, "{found:?}");
         }
-        // In time, with an error that no offset explains.
+        // Without delay, with an error that no offset explains.
         let mut noisy = moved(5.0, 5.0, 30.0, 0.0);
         for (k, pose) in noisy.iter_mut().enumerate() {
             pose.world_from_camera.translation.x += 0.02 * ((k * 7919 % 13) as f64 / 13.0 - 0.5);

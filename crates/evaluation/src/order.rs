@@ -1,46 +1,47 @@
-//! Where w stands in the quaternions of two trajectories, by what fits.
+//! Detects quaternions in the other component order (w first or last).
 //!
-//! Answers: whether an estimate turns as the ground truth does only where the quaternions of one of them are read in the other order. Places and angles of turns are
-//! the same in both orders, so that neither a file by itself nor the absolute error tells it; the axes of turns do.
+//! Answers: whether an estimate rotates like the ground truth only if the quaternions of one of them are read in the other order. Positions
+//! and rotation angles do not depend on the order, so neither a file alone nor the absolute error reveals it; the rotation axes do.
 
 use crate::rpe::{Delta, relative_error};
 use crate::{DEFAULT_MAX_DT, TimedPose};
 use stillpoint_geometry::Se3;
 use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
 
-/// Another order fits far better when the error of turns over a second falls below this share: half, as of offsets between clocks.
+/// Another order fits far better if the error of rotations over a second falls below this fraction: half, as for offsets between clocks.
 const FAR_BETTER: f64 = 0.5;
-/// It falls by at least so much, degrees: the turns of tracked cameras are within 2 degrees a second of the ground truth (`docs/benchmarks.md`).
+/// Minimum decrease of the error, degrees: the rotations of tracked cameras are within 2 degrees a second of the ground truth
+/// (`docs/benchmarks.md`).
 const BY_AT_LEAST: f64 = 2.0;
 
-/// Errors that differ by less are the same, degrees: between trajectories of one frame of reference either may be read in the order of the other, and it is the ground
-/// truth of which that is said.
+/// Smaller differences of errors are ties, degrees: between trajectories of one frame of reference either may be read in the order of the
+/// other, and the ground truth is then reported.
 const SAME: f64 = 1e-3;
 
-/// Whose quaternions are read in the other order.
+/// The trajectory whose quaternions are read in the other order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OrderOf {
-    /// Those of the ground truth.
+    /// The ground truth.
     Reference,
-    /// Those of the estimate.
+    /// The estimate.
     Estimate,
 }
 
-/// An order of the numbers of quaternions that fits far better than the one in which they were read.
+/// An order of quaternion components that fits far better than the one used for reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OtherOrder {
-    /// Whose quaternions.
+    /// The trajectory concerned.
     pub of: OrderOf,
     /// The order that fits: w is the first number (qw qx qy qz), else the last.
     pub w_first: bool,
-    /// Median error of the turns over a second with it, degrees.
+    /// Median error of the rotations over a second with it, degrees.
     pub rotation_deg: f64,
-    /// The same as they were read, degrees.
+    /// Likewise as read, degrees.
     pub rotation_deg_as_read: f64,
 }
 
-/// The order of the numbers of quaternions that fits far better than the one in which they were read; none where both fit, neither does, or the camera does not
-/// turn. Stamps must ascend.
+/// The order of quaternion components that fits far better than the one used for reading; `None` if both fit, neither does, or the camera
+/// does not rotate. Stamps must ascend.
 #[must_use]
 pub fn find_other_order(reference: &[TimedPose], estimate: &[TimedPose]) -> Option<OtherOrder> {
     let error = |reference: &[TimedPose], estimate: &[TimedPose]| {
@@ -79,12 +80,12 @@ pub fn find_other_order(reference: &[TimedPose], estimate: &[TimedPose]) -> Opti
     best.filter(|b| b.rotation_deg < (FAR_BETTER * as_read).min(as_read - BY_AT_LEAST))
 }
 
-/// Poses of which the four numbers of each quaternion were read in the other order: `w_first` is the order that is now meant.
+/// Poses with the numbers of each quaternion in the other order: `w_first` is the new order.
 fn reordered(poses: &[TimedPose], w_first: bool) -> Vec<TimedPose> {
     let quaternion = |pose: &Se3| {
         let q = pose.rotation;
         let numbers = if w_first {
-            // The file's numbers were taken for x, y, z, w.
+            // The file's numbers were read as x, y, z, w.
             Quaternion::new(q.i, q.j, q.k, q.w)
         } else {
             Quaternion::new(q.k, q.w, q.i, q.j)
@@ -106,7 +107,7 @@ mod tests {
     use super::*;
     use stillpoint_geometry::{Vec3, so3};
 
-    /// A hand that turns the camera about all its axes, by so much, rad.
+    /// A hand that rotates the camera about all its axes, by this angle, rad.
     fn turned(by: f64) -> Vec<TimedPose> {
         let pose = |i: u32| {
             let t = f64::from(i) / 30.0;
@@ -122,7 +123,7 @@ mod tests {
         (0..150).map(pose).collect()
     }
 
-    /// The same turns from another place, a little wrong.
+    /// The same rotations from another position, slightly wrong.
     fn estimated(truth: &[TimedPose]) -> Vec<TimedPose> {
         let world = Se3::new(
             so3::exp(&Vec3::new(0.2, 0.9, -0.3)),
@@ -145,7 +146,7 @@ mod tests {
         let estimate = estimated(&truth);
         assert_eq!(find_other_order(&truth, &estimate), None);
         for w_first in [true, false] {
-            // What was read, of numbers that are meant in the order `w_first`.
+            // Poses as read from numbers in the order `w_first`.
             let read = reordered(&truth, !w_first);
             let found = find_other_order(&read, &estimate).unwrap();
             assert_eq!((found.of, found.w_first), (OrderOf::Reference, w_first));
@@ -161,7 +162,7 @@ mod tests {
 
     #[test]
     fn nothing_is_said_where_it_cannot_be_told() {
-        // A camera that does not turn, another motion, and too little.
+        // A camera without rotation, another motion, and too little.
         let still = turned(0.0);
         assert_eq!(
             find_other_order(&reordered(&still, true), &estimated(&still)),

@@ -1,16 +1,16 @@
-//! Tables for people: plain text for terminals, Markdown for documents.
+//! Tables as plain text for terminals, and as Markdown for documents.
 
-/// Which way the cells of a column are set.
+/// Alignment of a column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Align {
     /// Words.
     Left,
-    /// Figures.
+    /// Numbers.
     #[default]
     Right,
 }
 
-/// A table of cells. The first column is aligned left, the others right, unless set otherwise.
+/// A table of cells. By default the first column is aligned left, the others right.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Table {
     header: Vec<String>,
@@ -33,7 +33,7 @@ impl Table {
         }
     }
 
-    /// Sets a column's direction; columns that do not exist are ignored.
+    /// Sets a column's alignment; columns that do not exist are ignored.
     #[must_use]
     pub fn align(mut self, column: usize, align: Align) -> Self {
         if let Some(a) = self.align.get_mut(column) {
@@ -42,7 +42,7 @@ impl Table {
         self
     }
 
-    /// Adds a row. Missing cells are empty, cells too many are dropped.
+    /// Adds a row. Missing cells are empty, excess cells are dropped.
     pub fn row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) -> &mut Self {
         let mut row: Vec<String> = cells.into_iter().map(Into::into).collect();
         row.resize(self.header.len(), String::new());
@@ -50,7 +50,7 @@ impl Table {
         self
     }
 
-    /// True when there is no row.
+    /// Whether there is no row.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
@@ -77,7 +77,7 @@ impl Table {
         text
     }
 
-    /// The table as plain text: columns two blanks apart, no blanks at line ends. Ends with a line break.
+    /// The table as plain text: columns two blanks apart, no trailing blanks. Ends with a line break.
     #[must_use]
     pub fn to_text(&self) -> String {
         let plain = |s: &String| s.replace('\n', " ");
@@ -91,7 +91,7 @@ impl Table {
             .collect()
     }
 
-    /// Width of each column in characters, at least three (Markdown asks for that many dashes).
+    /// Width of each column in characters, at least three (the dashes that Markdown requires).
     fn widths(&self, cell: impl Fn(&String) -> String) -> Vec<usize> {
         let width = |i: usize| {
             std::iter::once(&self.header)

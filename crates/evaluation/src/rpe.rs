@@ -4,7 +4,7 @@ use crate::associate::nearest;
 use crate::{Statistics, TimedPose};
 use stillpoint_geometry::{Se3, so3};
 
-/// Over what distance the relative error is taken.
+/// Interval of the relative error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Delta {
     /// Seconds of the estimate's time, as the TUM script with a fixed delta.
@@ -30,7 +30,7 @@ impl std::fmt::Display for Delta {
 
 impl std::str::FromStr for Delta {
     type Err = String;
-    /// From `1s`, `0.5s` or `30f`.
+    /// Parses `1s`, `0.5s` or `30f`.
     fn from_str(s: &str) -> Result<Self, String> {
         let wrong = || format!("expected a delta like 1s or 30f (above 0), found \"{s}\"");
         if let Some(n) = s.strip_suffix('f') {
@@ -48,7 +48,7 @@ impl std::str::FromStr for Delta {
 /// The relative pose error over a fixed delta.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rpe {
-    /// What it was taken over.
+    /// The interval.
     pub delta: Delta,
     /// Number of pairs of poses.
     pub pairs: usize,
@@ -71,13 +71,13 @@ pub struct RelativeError {
     pub rotation_deg: f64,
 }
 
-/// Relative error of the motion over `delta`; `None` when no two poses are that far apart. `pairs` are the associated
-/// indices `(reference, estimate)`; the estimate's translations are multiplied by `scale`.
+/// Relative error of the motion over `delta`; `None` if no two poses are that far apart. `pairs` are the associated indices `(reference,
+/// estimate)`; the estimate's translations are multiplied by `scale`.
 ///
-/// With seconds, each pose of the estimate goes with the one nearest to `delta` later; pairs that end at the last pose
-/// are left out, and so are those without ground truth within `max_dt` (this is the TUM script with a fixed delta and no
-/// limit on pairs). Beyond the script, pairs across a gap are left out: their times must differ from `delta` by no more than
-/// the larger of `max_dt` and the estimate's median interval.
+/// With seconds, each pose of the estimate is paired with the one nearest to `delta` later; pairs that end at the last pose are omitted,
+/// and so are those without ground truth within `max_dt` (this is the TUM script with a fixed delta and no limit on pairs). Unlike the
+/// script, pairs across a gap are omitted: their times must differ from `delta` by at most the larger of `max_dt` and the estimate's median
+/// interval.
 #[must_use]
 pub fn relative_error(
     reference: &[TimedPose],

@@ -1,4 +1,4 @@
-//! Everything about one estimate in one call.
+//! All errors of one estimate in one call.
 
 use crate::ate::{Ate, absolute_error};
 use crate::error::EvaluationError;
@@ -6,14 +6,14 @@ use crate::rpe::{Delta, Rpe, relative_error};
 use crate::{DEFAULT_MAX_DT, Statistics, TimedPose, associate};
 use stillpoint_geometry::Vec3;
 
-/// How to compare.
+/// Options of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EvalOptions {
-    /// Largest difference between the stamps of a pair, s.
+    /// Maximum difference between the stamps of a pair, s.
     pub max_dt: f64,
     /// Align with scale: Sim(3) instead of SE(3).
     pub with_scale: bool,
-    /// Over what the relative error is taken.
+    /// Interval of the relative error.
     pub delta: Delta,
 }
 
@@ -30,7 +30,7 @@ impl Default for EvalOptions {
 /// Absolute and relative error of an estimate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evaluation {
-    /// Poses with ground truth: what the figures are about.
+    /// Number of poses with ground truth, which the errors cover.
     pub pairs: usize,
     /// Poses of the ground truth.
     pub reference_poses: usize,
@@ -38,11 +38,11 @@ pub struct Evaluation {
     pub estimate_poses: usize,
     /// Absolute error.
     pub ate: Ate,
-    /// Relative error; `None` when the estimate is shorter than the delta.
+    /// Relative error; `None` if the estimate is shorter than the delta.
     pub rpe: Option<Rpe>,
 }
 
-/// How far an estimate strays although the camera stands still. Nothing is aligned.
+/// Drift of an estimate of a camera at rest. Nothing is aligned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drift {
     /// Distance from the first pose, m.
@@ -53,18 +53,16 @@ pub struct Drift {
     pub rotation_deg: Statistics,
 }
 
-/// What a comparison gave.
+/// Result of a comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Score {
     /// The camera moves: absolute and relative error.
     Moving(Evaluation),
-    /// The camera stands still in the ground truth, so that alignment is not defined: drift from the first pose, over
-    /// all poses of the estimate.
+    /// The camera is at rest in the ground truth, so alignment is not defined: drift from the first pose, over all poses of the estimate.
     Fixed(Drift),
 }
 
-/// A camera that stays within this distance of its first position stands still, m: under the noise of any ground truth
-/// that was measured.
+/// A camera within this distance of its first position is at rest, m: below the noise of any measured ground truth.
 const FIXED_EXTENT: f64 = 1e-4;
 
 /// Largest distance of a position from the first one, m.
@@ -78,13 +76,13 @@ fn extent(poses: &[TimedPose]) -> f64 {
     })
 }
 
-/// True when the camera does not move in the ground truth (within 0.1 mm), so that no alignment is defined.
+/// Whether the camera is at rest in the ground truth (within 0.1 mm), so that no alignment is defined.
 #[must_use]
 pub fn is_fixed(reference: &[TimedPose]) -> bool {
     extent(reference) < FIXED_EXTENT
 }
 
-/// Compares an estimate to the ground truth: errors when the camera moves, drift when it stands still.
+/// Compares an estimate with the ground truth: errors of a moving camera, drift of one at rest.
 ///
 /// # Errors
 /// As [`evaluate`], without [`EvaluationError::FixedReference`].
@@ -103,8 +101,8 @@ pub fn score(
 /// Absolute and relative error of an estimate.
 ///
 /// # Errors
-/// Any [`EvaluationError`]; [`EvaluationError::FixedReference`] when the camera stands still in the part of the ground truth
-/// that the estimate covers.
+/// Any [`EvaluationError`]; [`EvaluationError::FixedReference`] if the camera is at rest in the part of the ground truth that the estimate
+/// covers.
 pub fn evaluate(
     reference: &[TimedPose],
     estimate: &[TimedPose],
@@ -148,7 +146,7 @@ pub fn evaluate(
     })
 }
 
-/// Drift of an estimate of a camera that stands still: distances from its first pose and from its mean position.
+/// Drift of an estimate of a camera at rest: distances from its first pose and from its mean position.
 ///
 /// # Errors
 /// [`EvaluationError::Empty`], [`EvaluationError::Broken`].

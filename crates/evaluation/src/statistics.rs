@@ -5,7 +5,7 @@
 pub struct Statistics {
     /// Number of errors.
     pub count: usize,
-    /// Root of the mean square.
+    /// Root mean square.
     pub rmse: f64,
     /// Standard deviation about the mean (of the population, as in the TUM and evo tools).
     pub sd: f64,

@@ -1,4 +1,4 @@
-//! Statistics of how long things took. Samples come from outside: nothing here reads a clock.
+//! Statistics of run times. Samples come from outside: nothing here reads a clock.
 
 use crate::report::Table;
 
@@ -20,8 +20,7 @@ pub struct Stats {
 }
 
 impl Stats {
-    /// Statistics of samples; all zero when there are none. Percentiles between two samples are interpolated linearly.
-    /// Samples that are not finite are left out.
+    /// Statistics of the finite samples; all zero if there are none. Percentiles are interpolated linearly.
     #[must_use]
     pub fn of(samples: &[f64]) -> Self {
         let mut s: Vec<f64> = samples.iter().copied().filter(|x| x.is_finite()).collect();

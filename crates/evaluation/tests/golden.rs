@@ -1,7 +1,7 @@
-//! Figures that evo 1.x gave for the trajectories beside this file (association within 0.02 s, alignment, RPE over all
-//! pairs 30 poses apart), and figures of the TUM script's definition for a fixed delta of 1 s. The ground truth has
-//! irregular stamps; the estimate is scaled, turned, noisy, has a gap, and poses outside of the ground truth.
-#![allow(clippy::excessive_precision)] // Figures stand as the reference printed them.
+//! Results of evo 1.x for the trajectories beside this file (association within 0.02 s, alignment, RPE over all pairs 30 poses apart), and
+//! of the TUM script's definition for a fixed delta of 1 s. The ground truth has irregular stamps; the estimate is scaled, rotated, noisy,
+//! has a gap, and poses outside of the ground truth.
+#![allow(clippy::excessive_precision)] // Numbers as the reference printed them.
 
 use stillpoint_evaluation::{Delta, EvalOptions, Evaluation, Statistics, TimedPose, evaluate};
 use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};

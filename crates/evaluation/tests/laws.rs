@@ -1,4 +1,4 @@
-//! What must hold for any trajectory.
+//! Properties that hold for any trajectory.
 
 use proptest::prelude::*;
 use stillpoint_evaluation::{
@@ -79,7 +79,7 @@ proptest! {
         let e = evaluate(&truth, &scaled, &options(true)).unwrap();
         prop_assert!((e.ate.alignment.scale * s - 1.0).abs() < 1e-9);
         prop_assert!(e.ate.statistics.max < 1e-8 && e.rpe.unwrap().translation.max < 1e-8);
-        // Without scale the error is there, unless there is none to find.
+        // Without scale the error remains, unless there is none.
         let rigid = evaluate(&truth, &scaled, &options(false)).unwrap();
         prop_assert!(rigid.ate.statistics.rmse + 1e-12 >= e.ate.statistics.rmse);
     }

@@ -1,6 +1,6 @@
-//! Figures and plots of trajectories, and figures of tracks.
+//! Errors and plots of trajectories, and scores of tracks.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise helpers as tests.
 
 mod golden;
 mod laws;

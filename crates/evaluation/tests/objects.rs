@@ -1,8 +1,7 @@
-//! Figures that trackeval 1.3.0 gave for the tracks beside this file: four things of which one is away for a while and one leaves, boxes off by 5 px, a
-//! fifth missed, false alarms, a new number now and then, and two numbers that are exchanged. And what follows from the definitions.
+//! Results of trackeval 1.3.0 for the tracks beside this file: four objects of which one is away for a while and one leaves, boxes off by 5
+//! px, a fifth missed, false alarms, occasional new ids, and two swapped ids. Also consequences of the definitions.
 #![allow(clippy::excessive_precision)]
-// Figures stand as the reference printed them.
-// The comparison with the package runs it; the library starts no process.
+// Numbers as the reference printed them. The comparison with the package runs it; the library starts no process.
 #![allow(clippy::disallowed_methods)]
 
 use std::collections::BTreeMap;
@@ -44,7 +43,6 @@ fn score(frames: &[TrackFrame]) -> TrackScore {
     track_score(frames, &TrackOptions::default())
 }
 
-/// In the order of the reference.
 fn figures(s: &TrackScore) -> [f64; 14] {
     let (h, c, i) = (&s.hota, &s.clear, &s.identity);
     let count = |n: usize| n as f64;
@@ -122,7 +120,7 @@ fn perfect_tracks_and_none_at_all() {
     let rest = [1.0, 1.0, 214.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0];
     let mut expected = [1.0; 14];
     expected[4..].copy_from_slice(&rest);
-    // Who is away and comes back is no fragment of perfect tracks but one of the definition's: it counts every gap.
+    // By definition every gap counts as a fragment, also an object that leaves and returns in perfect tracks.
     expected[10] = s.clear.fragments as f64;
     check(figures(&s), expected);
     for f in &mut all {

@@ -1,4 +1,4 @@
-//! Figures are complete, well-formed and survive odd input.
+//! Figures are complete, well-formed and handle odd input.
 
 use stillpoint_evaluation::plot::{
     Series, drift_figure, poses_figure, timing_figure, trajectory_figure,
@@ -82,7 +82,7 @@ fn relative_errors_stand_under_the_absolute_ones() {
     for part in ["RPE, 1 s (mm)", "RPE, 1 s (deg)", "Stillpoint"] {
         assert!(svg.contains(part), "no {part}");
     }
-    // Each of the six panels over time says so, but for two above another one.
+    // On each of the six panels over time, except two above another one.
     assert_eq!(svg.matches(">time (s)<").count(), 4);
     assert!(figure.size().1 > 1200.0);
     figure.to_png().unwrap();
@@ -93,7 +93,7 @@ fn every_panel_has_ticks_on_both_axes() {
     let truth = walk(300, 0.0);
     let e = evaluate(&truth, &walk(300, 0.02), &EvalOptions::default()).unwrap();
     let svg = trajectory_figure("a", &e.ate, e.rpe.as_ref()).to_svg();
-    // The walk lasts ten seconds: of six panels over time each has the label of the eighth.
+    // The walk lasts ten seconds: each of six panels over time has the label of the eighth.
     assert!(svg.matches(">8</text>").count() >= 6);
 }
 

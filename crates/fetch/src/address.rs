@@ -1,7 +1,7 @@
-//! Addresses: where a redirect leads, which are of this machine, and how they are shown.
+//! Addresses: redirects, loopback addresses, and their display.
 
-/// The address that a redirect names, absolute or relative (RFC 3986, section 5, without dot segments); what was found if we do not
-/// go there. From https to http is refused: anyone on the way could then put another file in.
+/// The target of a redirect, absolute or relative (RFC 3986, section 5, without dot segments); an error names a refused target. From https
+/// to http is refused: any intermediary could then substitute another file.
 pub(crate) fn follow(base: &str, location: &str) -> Result<String, String> {
     let (scheme, rest) = base
         .split_once("://")
@@ -60,7 +60,7 @@ pub(crate) fn is_loopback(url: &str) -> bool {
             .is_ok_and(|address| address.is_loopback())
 }
 
-/// An address for a message: without its query, which may be long and hold a signature, and without a password.
+/// An address for messages: without its query, which may be long and contain a signature, and without a password.
 #[must_use]
 pub fn shown(url: &str) -> String {
     const LONGEST: usize = 300;

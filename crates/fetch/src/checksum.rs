@@ -1,20 +1,20 @@
-//! What is known about checksums.
+//! Origins of checksums.
 
 use stillpoint_files::is_sha256;
 
-/// What is known about a published file's checksum.
+/// Origin of a published file's checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Checksum {
-    /// It is the one that is known.
+    /// It matches the known one.
     Verified,
-    /// None is known: that of this first download was recorded, and later ones will be compared with it.
+    /// None is known: that of this first download was recorded, and is compared with later ones.
     Recorded,
-    /// None is known, and it is that of the first download.
+    /// None is known, and it matches the first download.
     MatchesRecord,
 }
 
 impl Checksum {
-    /// That of a file whose checksum is known or not, and was recorded before or not.
+    /// For a file with or without a known checksum, and with or without a previous record.
     #[must_use]
     pub fn of(known: Option<&str>, recorded: bool) -> Self {
         match (known, recorded) {
@@ -25,7 +25,7 @@ impl Checksum {
     }
 }
 
-/// The checksum that a file in the format of `sha256sum` begins with.
+/// The checksum at the beginning of a file in the format of `sha256sum`.
 #[must_use]
 pub fn recorded(text: &str) -> Option<String> {
     let sum = text.split_whitespace().next()?;

@@ -1,28 +1,28 @@
-//! Where files are written: the disk, or in tests one that is full.
+//! The disk to write to; tests replace it by a full one.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Result, Write};
 use std::path::Path;
 
-/// What is asked of a disk.
+/// File operations of a download.
 pub trait Disk {
-    /// Opens a file to append to it, and makes it where it is missing.
+    /// Opens a file for appending, and creates it if missing.
     ///
     /// # Errors
     /// Those of the system.
     fn append(&self, path: &Path) -> Result<Box<dyn Write>>;
 
-    /// Makes a file that is not there yet.
+    /// Creates a new file.
     ///
     /// # Errors
     /// Those of the system.
     fn create(&self, path: &Path) -> Result<Box<dyn Write>>;
 
-    /// Free bytes on the disk of a folder, where the system says so.
+    /// Free bytes on the disk of a folder, if the system reports them.
     fn free(&self, folder: &Path) -> Option<u64>;
 }
 
-/// The disk.
+/// The real disk.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RealDisk;
 
@@ -48,13 +48,13 @@ impl Disk for RealDisk {
     }
 }
 
-/// Brings everything that was written below a folder to the disk, before its name says that it is whole.
+/// Syncs all files below a folder to disk, before it gets its final name.
 #[cfg(target_os = "linux")]
 pub(crate) fn settle(folder: &Path) -> Result<()> {
     Ok(rustix::fs::syncfs(File::open(folder)?)?)
 }
 
-/// Elsewhere there is no call for all files at once.
+/// Other systems have no call for all files at once.
 #[cfg(not(target_os = "linux"))]
 pub(crate) fn settle(_folder: &Path) -> Result<()> {
     Ok(())

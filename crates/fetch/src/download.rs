@@ -1,4 +1,4 @@
-//! The steps of a download, from what is here of it to the whole file.
+//! The steps of a download, from a partial file to the complete one.
 
 use crate::address;
 use crate::disk::Disk;
@@ -11,12 +11,12 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 use stillpoint_files::Digest;
 
-/// How long servers are waited for. There is no limit for the whole: a slow line may take an hour.
+/// Time limits for servers. The total time is not limited: a slow connection may take an hour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Waits {
-    /// Longest wait for a connection. Default: 20 s.
+    /// Maximum wait for a connection. Default: 20 s.
     pub connect: Duration,
-    /// Longest wait for an answer, or for more of the file. Default: 30 s.
+    /// Maximum wait for a response, or for more data. Default: 30 s.
     pub stall: Duration,
 }
 
@@ -29,71 +29,71 @@ impl Default for Waits {
     }
 }
 
-/// A published file, and how it is to be had.
+/// A published file, and options of its download.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted<'a> {
-    /// The address that is asked for.
+    /// Address.
     pub address: &'a str,
-    /// Bytes of the published file, where they are known.
+    /// Bytes of the published file, if known.
     pub bytes: Option<u64>,
-    /// Most bytes of a file whose size is not known.
+    /// Maximum bytes of a file of unknown size.
     pub largest: u64,
-    /// Whether the caller knows the checksum: it would find out if the file had changed between two parts, where the server does not say.
+    /// Whether the caller knows the checksum: it would detect a change of the file between two parts if the server does not.
     pub vouched: bool,
-    /// Free space that there must be before the first byte comes, in sizes of the file, those of the file itself among them.
+    /// Required free space before the first byte, in multiples of the file's size, including the file itself.
     pub room: u64,
-    /// How to get the file in another way, as part of messages.
+    /// Alternative way to obtain the file, as part of messages.
     pub by_hand: &'a str,
-    /// How long servers are waited for.
+    /// Time limits for servers.
     pub waits: Waits,
 }
 
-/// How far a download is. Not every kind of file comes to all of it.
+/// Progress of a download. Not every kind of file reaches all states.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Progress {
-    /// The server is asked.
+    /// The server is contacted.
     Connecting {
         /// The address.
         url: String,
     },
-    /// Bytes have come. The first time, before the first byte.
+    /// Data is received. First reported before the first byte.
     Receiving {
-        /// Bytes that are here.
+        /// Bytes present.
         received: u64,
-        /// Bytes of the whole file, if known.
+        /// Bytes of the complete file, if known.
         total: Option<u64>,
-        /// Bytes that were here before, from a download that broke off.
+        /// Bytes present from an interrupted download.
         resumed: u64,
     },
     /// The archive is unpacked.
     Unpacking {
-        /// Bytes of the archive that are done.
+        /// Processed bytes of the archive.
         done: u64,
         /// Bytes of the archive.
         total: u64,
     },
-    /// The file is whole, and compared with its checksum.
+    /// The complete file is compared with its checksum.
     Checking,
-    /// Who asked for the file makes something else of it.
+    /// The caller converts the file.
     Converting,
 }
 
-/// Called with the progress at least after each 64 kB; it may break off. While the server is silent it is not called.
+/// Called with the progress at least after each 64 kB; it may stop the download. It is not called while the server is silent.
 pub type Watch<'a> = &'a mut dyn FnMut(Progress) -> ControlFlow<()>;
 
-/// A file that is here as a whole, under the name of its part.
+/// A complete file, under the name of its partial download.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fetched {
     /// SHA-256, 64 lower-case hexadecimal digits.
     pub sha256: String,
-    /// Bytes that came over the network.
+    /// Bytes that were transferred.
     pub transferred: u64,
-    /// Bytes that were here from a download that broke off.
+    /// Bytes present from an interrupted download.
     pub resumed: u64,
 }
 
-/// Brings a part to its full length.
+/// Completes a partial download.
 ///
 /// # Errors
 /// See [`FetchError`].
@@ -111,7 +111,7 @@ pub fn fetch(
         range = Range::default();
     }
     if range.start > 0 && total == Some(range.start) {
-        // All of it came, and then something else failed, as unpacking it to a full disk.
+        // It was complete before a later step failed, e.g. unpacking to a full disk.
         return download.is_whole(range.start);
     }
     loop {
@@ -135,11 +135,11 @@ pub fn fetch(
                 download.check_answer(&answer, range.start)?;
                 return download.receive(answer, range.start, watch);
             }
-            // Nothing comes after what is here, and the file is still the same: it was whole.
+            // No bytes follow, and the file is unchanged: it was complete.
             416 if range.start > 0 && answer.total == Some(range.start) => {
                 return download.is_whole(range.start);
             }
-            // What is here does not fit to what is there: start over, without a range, so that this happens once.
+            // The partial file does not match: start over without a range, which can happen only once.
             _ if range.start > 0 => {
                 part.discard()?;
                 range = Range::default();
@@ -155,7 +155,6 @@ pub fn fetch(
     }
 }
 
-/// One download.
 struct Download<'a> {
     wanted: &'a Wanted<'a>,
     part: &'a Part,
@@ -163,7 +162,7 @@ struct Download<'a> {
 }
 
 impl Download<'_> {
-    /// The address for messages, without the password that a mirror's may hold.
+    /// The address for messages, without a mirror's password.
     fn url(&self) -> String {
         address::shown(self.wanted.address)
     }
@@ -178,7 +177,6 @@ impl Download<'_> {
         }
     }
 
-    /// What is here is all.
     fn is_whole(&self, resumed: u64) -> Result<Fetched, FetchError> {
         Ok(Fetched {
             sha256: self.hash(resumed)?.hex(),
@@ -187,7 +185,7 @@ impl Download<'_> {
         })
     }
 
-    /// The checksum of what is here.
+    /// Checksum state of the present bytes.
     fn hash(&self, here: u64) -> Result<Digest, FetchError> {
         let mut digest = Digest::default();
         if here > 0 {
@@ -198,7 +196,7 @@ impl Download<'_> {
         Ok(digest)
     }
 
-    /// What can be known before the first byte. `here` are the bytes that need not come.
+    /// Checks before the first byte. `here`: bytes already present.
     fn check_answer(&self, answer: &Answer, here: u64) -> Result<(), FetchError> {
         if answer.is_page {
             return Err(FetchError::WebPage {
@@ -246,7 +244,7 @@ impl Download<'_> {
         }
     }
 
-    /// Appends what comes to the part.
+    /// Appends received data to the partial file.
     fn receive(
         &self,
         mut answer: Answer,

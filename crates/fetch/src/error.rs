@@ -1,57 +1,57 @@
-//! What can be wrong with a download, said so that the user can go on without it.
+//! Errors of downloads, with ways to continue without them.
 
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
-/// A file could not be downloaded. No error leaves a half file under the name of a whole one.
+/// Error: a file could not be downloaded. No error leaves a partial file under the name of a complete one.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FetchError {
-    /// No server was reached, or it did not answer.
+    /// No server was reached, or it did not respond.
     #[error(
         "{url}: expected an answer, found {reason}; check the network and the proxy (HTTPS_PROXY), or {by_hand}"
     )]
     Unreachable {
         /// The address.
         url: String,
-        /// What happened instead.
+        /// The problem.
         reason: String,
-        /// How to get the file in another way.
+        /// Alternative way to obtain the file.
         by_hand: String,
     },
-    /// This CPU cannot encrypt connections. Everything else works on it.
+    /// This CPU lacks the features for encrypted connections. Everything else works on it.
     #[error(
         "{url}: expected a CPU that can encrypt the connection, found one without {missing}; {by_hand}"
     )]
     Cpu {
         /// The address.
         url: String,
-        /// What the CPU lacks.
+        /// Missing CPU features.
         missing: String,
-        /// How to get the file in another way.
+        /// Alternative way to obtain the file.
         by_hand: String,
     },
-    /// The server answered something else than the file.
+    /// The server responded with another status.
     #[error("{url}: expected the file, found status {status}{}; {} or {by_hand}", status_name(*status), status_advice(*status))]
     Status {
         /// The address, that of the last redirect.
         url: String,
         /// The HTTP status.
         status: u16,
-        /// How to get the file in another way.
+        /// Alternative way to obtain the file.
         by_hand: String,
     },
-    /// The server sends to somewhere where we do not go.
+    /// The server redirects to a refused address.
     #[error(
         "{url}: expected the file after at most {} redirects that keep https, found {found}; check the network for a proxy that redirects, or {by_hand}",
         crate::http::REDIRECTS
     )]
     Redirect {
-        /// The address that was asked for.
+        /// The requested address.
         url: String,
-        /// What was found.
+        /// The redirect found.
         found: String,
-        /// How to get the file in another way.
+        /// Alternative way to obtain the file.
         by_hand: String,
     },
     /// A web page instead of the file.
@@ -61,59 +61,59 @@ pub enum FetchError {
     WebPage {
         /// The address, that of the last redirect.
         url: String,
-        /// How to get the file in another way.
+        /// Alternative way to obtain the file.
         by_hand: String,
     },
-    /// The connection ended or stood still before the file was whole. What came is kept.
+    /// The connection ended or stalled before the file was complete. The partial download is kept.
     #[error("{url}: expected {} bytes, found {reason} after {received}; run the same command again: it goes on from {}", total.map_or("all".to_owned(), |t| t.to_string()), part.display())]
     BrokenOff {
         /// The address.
         url: String,
-        /// Bytes that are here.
+        /// Bytes present.
         received: u64,
-        /// Bytes of the whole file, if known.
+        /// Bytes of the complete file, if known.
         total: Option<u64>,
-        /// What happened.
+        /// Reason.
         reason: String,
-        /// What is here.
+        /// The partial download.
         part: PathBuf,
     },
-    /// The file is larger or smaller than it should be. It is not kept.
+    /// The file has the wrong size. It is not kept.
     #[error("{url}: expected {expected}, found {found}; this is not the published file; {by_hand}")]
     Size {
         /// The address.
         url: String,
-        /// The size expected.
+        /// Expected size.
         expected: String,
-        /// The size found.
+        /// Found size.
         found: String,
-        /// How to get the file in another way.
+        /// Alternative way to obtain the file.
         by_hand: String,
     },
-    /// There is less free space than the file will take. What came before is kept.
+    /// There is less free space than the file needs. An earlier partial download is kept.
     #[error("{}: expected {needed} bytes of free space for {url}, found {free}; free some space, or {elsewhere}", folder.display())]
     Room {
         /// The address.
         url: String,
-        /// Where it was to go.
+        /// Destination folder.
         folder: PathBuf,
-        /// Bytes that it will take beside those that are here.
+        /// Bytes needed besides those present.
         needed: u64,
         /// Free bytes.
         free: u64,
-        /// Where else it can go.
+        /// Alternative destination.
         elsewhere: String,
     },
-    /// The disk is full, or what came cannot be written for another reason. What came is kept.
+    /// The disk is full, or writing failed for another reason. The partial download is kept.
     #[error("{}: expected to write it, found after {received} bytes: {source}; {}; what is here is kept, and the same command goes on from it", part.display(), write_advice(source, elsewhere))]
     Write {
-        /// What is here.
+        /// The partial download.
         part: PathBuf,
-        /// Bytes that are here.
+        /// Bytes present.
         received: u64,
-        /// The system's reason.
+        /// Error of the system.
         source: Error,
-        /// Where else it can go.
+        /// Alternative destination.
         elsewhere: String,
     },
     /// A file beside the download cannot be used.
@@ -121,31 +121,31 @@ pub enum FetchError {
     File {
         /// The file.
         path: PathBuf,
-        /// The system's reason.
+        /// Error of the system.
         source: Error,
-        /// Where else it can go.
+        /// Alternative destination.
         elsewhere: String,
     },
-    /// Someone else downloads the same.
+    /// Another process downloads the same file.
     #[error("{}: expected no other download of {name}, found one that is running; wait until it has ended", lock.display())]
     Busy {
-        /// What is downloaded.
+        /// Name of the download.
         name: String,
-        /// The file that says so.
+        /// The lock file.
         lock: PathBuf,
     },
-    /// The caller asked to stop. What came is kept.
+    /// The caller stopped it. The partial download is kept.
     #[error("stopped after {received} bytes; the same command goes on from {}", part.display())]
     Stopped {
-        /// Bytes that are here.
+        /// Bytes present.
         received: u64,
-        /// What is here.
+        /// The partial download.
         part: PathBuf,
     },
 }
 
 impl FetchError {
-    /// The file with what came so far, where it is kept and the same call goes on from it.
+    /// The partial download, if kept; the same call resumes it.
     #[must_use]
     pub fn part(&self) -> Option<&Path> {
         match self {
@@ -157,7 +157,7 @@ impl FetchError {
     }
 }
 
-/// What helps when writing failed for a reason of the system, as part of a message.
+/// Remedy for a failed write, as part of a message.
 pub(crate) fn write_advice(source: &Error, elsewhere: &str) -> String {
     let first = match source.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free some space and try again",

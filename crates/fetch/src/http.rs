@@ -1,4 +1,4 @@
-//! One request: redirects followed by our own rules, and what the answer says about the file.
+//! One request: follows redirects by its own rules, and parses the response headers.
 
 use crate::address::{follow, is_loopback, shown};
 use crate::download::{Waits, Wanted};
@@ -8,36 +8,34 @@ use std::io::Read;
 use ureq::http::{HeaderMap, header};
 use ureq::tls::RootCerts;
 
-/// Most redirects that are followed: a release on GitHub needs one, and so does TUM's data set.
+/// Maximum number of redirects: a release on GitHub needs one, and so does TUM's data set.
 pub(crate) const REDIRECTS: usize = 5;
 
-/// What to ask for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Range {
-    /// The first byte wanted; 0 asks for the whole file.
+    /// The first byte wanted; 0 requests the whole file.
     pub(crate) start: u64,
-    /// The rest is wanted only if the file is still the one with this ETag or date.
+    /// Only resume if the file still has this ETag or date.
     pub(crate) validator: Option<String>,
 }
 
-/// What the server is about to send.
+/// A response before its body.
 pub(crate) struct Answer {
     /// HTTP status: 200, 206 or 416.
     pub(crate) status: u16,
-    /// The address after all redirects, without its query, which may hold a signature.
+    /// The address after all redirects, without its query, which may contain a signature.
     pub(crate) url: String,
-    /// The first byte that comes, and the size of the whole file, as the server says.
+    /// The first byte of the body, and the size of the whole file, according to the server.
     pub(crate) start: Option<u64>,
     pub(crate) total: Option<u64>,
-    /// Strong ETag, else date: what tells whether the file is still the same.
+    /// Strong ETag, else date: identifies the version of the file.
     pub(crate) validator: Option<String>,
-    /// Whether it says that a web page comes.
+    /// Whether the content type is a web page.
     pub(crate) is_page: bool,
-    /// The bytes.
     pub(crate) body: Box<dyn Read>,
 }
 
-/// Asks for a file. Statuses other than 200, 206 and 416 are errors.
+/// Requests a file. Statuses other than 200, 206 and 416 are errors.
 pub(crate) fn request(wanted: &Wanted<'_>, range: &Range) -> Result<Answer, FetchError> {
     let (url, by_hand) = (wanted.address, wanted.by_hand);
     let mut at = url.to_owned();
@@ -81,7 +79,7 @@ pub(crate) fn request(wanted: &Wanted<'_>, range: &Range) -> Result<Answer, Fetc
     })
 }
 
-/// Refuses an address with `https` where the CPU lacks what encryption asks for.
+/// Refuses `https` addresses if the CPU lacks the features for encryption.
 fn refuse_without_encryption(
     url: &str,
     missing: Option<String>,
@@ -98,7 +96,7 @@ fn refuse_without_encryption(
     }
 }
 
-/// `roots`: whose certificates are trusted.
+/// `roots`: trusted certificates.
 fn send(
     url: &str,
     range: &Range,
@@ -115,10 +113,10 @@ fn send(
         .timeout_connect(Some(waits.connect))
         .timeout_send_request(Some(waits.stall))
         .timeout_recv_response(Some(waits.stall))
-        // A limit for each wait, none for the whole: a slow line may take an hour.
+        // A limit for each wait, none for the total: a slow connection may take an hour.
         .timeout_per_read(Some(waits.stall));
     if is_loopback(url) {
-        // A proxy would look for the file on its own machine.
+        // A proxy would search for the file on its own machine.
         config = config.proxy(None);
     }
     let mut request = config.build().new_agent().get(url);
@@ -174,7 +172,7 @@ fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<String> {
     Some(value.trim().to_owned())
 }
 
-/// Part of a message on bytes that are not those expected: networks that ask for a login answer every request with their own page.
+/// Part of a message about unexpected bytes: networks that require a login answer every request with their own page.
 #[must_use]
 pub fn page_hint(bytes: &[u8]) -> &'static str {
     let text = bytes.trim_ascii_start();
@@ -192,7 +190,7 @@ pub fn page_hint(bytes: &[u8]) -> &'static str {
     }
 }
 
-/// Why no more came, on one line.
+/// Reason of an interrupted body, on one line.
 pub(crate) fn broken_by(error: std::io::Error) -> String {
     match ureq::Error::from(error) {
         ureq::Error::Timeout(_) => "no more in time".to_owned(),
@@ -200,12 +198,12 @@ pub(crate) fn broken_by(error: std::io::Error) -> String {
     }
 }
 
-/// Why no answer came, on one line.
+/// Reason of a missing response, on one line.
 pub(crate) fn reason_of(error: &ureq::Error) -> String {
     match error {
         ureq::Error::HostNotFound => "no such host (or no network)".to_owned(),
         ureq::Error::Timeout(_) => "none in time".to_owned(),
-        // What rustls refuses during the handshake comes as damaged data.
+        // Handshake refusals of rustls are reported as invalid data.
         ureq::Error::Io(e) if e.kind() == std::io::ErrorKind::InvalidData => {
             format!("no trustworthy encryption ({})", one_line(&e.to_string()))
         }
@@ -221,7 +219,7 @@ pub(crate) fn reason_of(error: &ureq::Error) -> String {
 mod tests {
     use super::*;
 
-    /// A server on loopback that encrypts with the certificate of the fixtures, and answers one request if that is trusted.
+    /// A loopback server with the certificate of the fixtures, which answers one request if that is trusted.
     fn encrypted_server() -> (String, std::thread::JoinHandle<bool>) {
         let fixture = |name: &str| {
             let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/tls/");

@@ -1,7 +1,7 @@
-//! Published files onto the disk: resumed after whatever broke them off, compared with their checksums, and unpacked where they are archives.
+//! Downloads published files: resumes interrupted downloads, compares checksums, and unpacks archives.
 //!
-//! Answers: how a file gets here whole. Does not know what is in it: that is the business of who asks for it (crate `models`, the
-//! command line's data sets).
+//! Answers: how to obtain a complete file. Does not know its content: that is up to the callers (crate `models`, the command line's data
+//! sets).
 
 mod address;
 pub mod archive;
@@ -21,7 +21,7 @@ pub use error::FetchError;
 pub use http::page_hint;
 pub use part::{Lock, Part};
 
-/// Messages of other crates on one line.
+/// Joins the lines of other crates' messages.
 #[must_use]
 pub fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")

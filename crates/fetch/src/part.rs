@@ -1,4 +1,4 @@
-//! What is here of an unfinished download: the bytes, and enough to know whose bytes they are.
+//! A partial download: the bytes, and the identity of their file.
 
 use crate::error::FetchError;
 use crate::http::Range;
@@ -7,19 +7,18 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 
-/// Where the bytes of a part came from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Origin {
     pub(crate) url: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) validator: Option<String>,
-    /// Bytes of the whole file, as the server said: what is here may be all.
+    /// Bytes of the complete file, according to the server: the partial download may be complete.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) total: Option<u64>,
 }
 
-/// The unfinished download of one file: `STEM.part` and `STEM.part.toml` in a folder.
+/// The partial download of one file: `STEM.part` and `STEM.part.toml` in a folder.
 #[derive(Clone, Debug)]
 pub struct Part {
     path: PathBuf,
@@ -28,7 +27,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// `elsewhere` says where else it can go, as part of messages.
+    /// `elsewhere`: alternative destination, as part of messages.
     #[must_use]
     pub fn new(folder: &Path, stem: &str, elsewhere: &str) -> Self {
         Self {
@@ -44,7 +43,7 @@ impl Part {
         &self.path
     }
 
-    /// Bytes that are here.
+    /// Number of bytes present.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.path.metadata().map_or(0, |m| m.len())
@@ -54,8 +53,8 @@ impl Part {
         &self.elsewhere
     }
 
-    /// What to ask for, so that it fits to what is here, and the bytes of the whole file, where they are known. A part of another address, or
-    /// one that cannot be distinguished from that of a changed file (no validator, and no checksum that would find out), is removed.
+    /// The range to request after the present bytes, and the size of the complete file, if known. A partial download from another address,
+    /// or one for which a change of the file would go unnoticed (no validator, and no checksum), is removed.
     pub(crate) fn range(
         &self,
         url: &str,
@@ -82,7 +81,7 @@ impl Part {
         }
     }
 
-    /// Starts a part over: empty, and with its origin written before its first byte. An origin that is cut off is none.
+    /// Restarts a partial download: empty, with its origin written before its first byte. A truncated origin is ignored.
     pub(crate) fn begin(&self, origin: &Origin) -> Result<(), FetchError> {
         self.discard()?;
         let text = toml::to_string(origin).map_err(|e| Error::other(e.to_string()));
@@ -93,7 +92,7 @@ impl Part {
     /// Removes the bytes first: an origin without bytes is harmless.
     ///
     /// # Errors
-    /// A file that cannot be removed.
+    /// A file cannot be removed.
     pub fn discard(&self) -> Result<(), FetchError> {
         for path in [&self.path, &self.origin_path] {
             match std::fs::remove_file(path) {
@@ -113,18 +112,18 @@ impl Part {
     }
 }
 
-/// The right to download one file. The system takes it back when the process ends, however it ends, so that there are no
-/// stale locks; the empty file stays.
+/// The exclusive right to download one file. The system releases it when the process ends, however it ends, so there are no stale locks;
+/// the empty file stays.
 #[derive(Debug)]
 pub struct Lock {
     _file: File,
 }
 
 impl Lock {
-    /// `name` is what is downloaded, and `elsewhere` where else it can go, both for messages.
+    /// `name` (of the download) and `elsewhere` (alternative destination) are for messages.
     ///
     /// # Errors
-    /// [`FetchError::Busy`] if another download has it; a file that cannot be made.
+    /// [`FetchError::Busy`] if another download holds it; a file that cannot be created.
     pub fn take(path: &Path, name: &str, elsewhere: &str) -> Result<Self, FetchError> {
         let unusable = |source| FetchError::File {
             path: path.to_owned(),

@@ -1,8 +1,9 @@
-//! The encryption of downloads: rustls with the cryptography of Graviola, which asks for features that some CPUs lack.
+//! The encryption of downloads: rustls with the cryptography of Graviola, which requires features that some CPUs lack.
 
 use ureq::tls::{RootCerts, TlsConfig};
 
-/// What this CPU lacks of what the cryptography asks for, as part of a message; `None` where nothing is missing. It would panic.
+/// Features required by the cryptography that this CPU lacks, as part of a message; `None` if there are none. Without them the cryptography
+/// would panic.
 pub(crate) fn missing() -> Option<String> {
     let missing: Vec<&str> = features()
         .into_iter()
@@ -11,7 +12,7 @@ pub(crate) fn missing() -> Option<String> {
     (!missing.is_empty()).then(|| missing.join(", "))
 }
 
-/// As Graviola's `is_cpu_supported` has them.
+/// As in Graviola's `is_cpu_supported`.
 #[cfg(target_arch = "x86_64")]
 fn features() -> Vec<(&'static str, bool)> {
     use std::arch::is_x86_feature_detected as has;
@@ -25,7 +26,7 @@ fn features() -> Vec<(&'static str, bool)> {
     ]
 }
 
-/// As Graviola's `is_cpu_supported` has them.
+/// As in Graviola's `is_cpu_supported`.
 #[cfg(target_arch = "aarch64")]
 fn features() -> Vec<(&'static str, bool)> {
     use std::arch::is_aarch64_feature_detected as has;
@@ -42,7 +43,7 @@ fn features() -> Vec<(&'static str, bool)> {
     vec![("the kind x86-64 or Arm with 64 bits", false)]
 }
 
-/// How connections are encrypted, and whose certificates are trusted.
+/// Encryption of connections, and trusted certificates.
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 pub(crate) fn config(roots: RootCerts) -> TlsConfig {
     TlsConfig::builder()
@@ -53,7 +54,7 @@ pub(crate) fn config(roots: RootCerts) -> TlsConfig {
         .build()
 }
 
-/// Without cryptography: no address with `https` is asked for, see [`missing`].
+/// Without cryptography: no `https` address is requested, see [`missing`].
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 pub(crate) fn config(roots: RootCerts) -> TlsConfig {
     TlsConfig::builder().root_certs(roots).build()

@@ -1,4 +1,4 @@
-//! Lines that break, disks that are full, servers that know no ranges: what came is kept, or comes again.
+//! Lost connections, full disks, servers without ranges: the partial download is kept, or repeated.
 
 use crate::packed::*;
 use std::ops::ControlFlow;
@@ -24,7 +24,7 @@ fn what_broke_off_goes_on() {
     assert_eq!(server.requests()[1].start(), Some(100_000));
     assert_eq!(server.requests()[1].header("if-range"), Some("\"v1\""));
     place.assert_whole();
-    // The checksum is that of the whole, not of what came last.
+    // The checksum is that of the complete file, not of the last part.
     let whole = Place::new();
     let at_once = whole.pull(&Server::of(bytes), Packing::TarGz).unwrap();
     assert_eq!(
@@ -67,7 +67,7 @@ fn a_file_that_is_not_there_is_said() {
     assert_eq!(place.names(), [""; 0]);
 }
 
-/// Also where the server knows neither ranges nor versions: all of it is here.
+/// Also with a server without ranges and versions: the file is complete.
 #[test]
 fn a_disk_that_fills_while_unpacking_loses_nothing() {
     let bytes: &'static [u8] = sequence().leak();
@@ -105,7 +105,7 @@ fn a_disk_that_is_too_small_is_said_before_the_first_byte() {
     );
     let place = Place::new();
     place.pull(&server, Packing::TarGz).unwrap_err();
-    // Twice the archive, but for what is here.
+    // Twice the archive, less the bytes present.
     let needed = 2 * bytes.len() as u64 - 100_000;
     let disk = |free| SmallDisk {
         room: usize::MAX,
@@ -131,7 +131,7 @@ fn stopping_keeps_what_came() {
     let bytes: &'static [u8] = sequence().leak();
     let server = Server::of(bytes);
     let place = Place::new();
-    // While it unpacks, and what a killed process left of that.
+    // During unpacking, and the remains of a killed process.
     let mut stop = |state| match state {
         Progress::Unpacking { .. } => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),

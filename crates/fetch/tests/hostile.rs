@@ -1,4 +1,4 @@
-//! Archives that hold what they should not: refused, with nothing of them left, inside or outside.
+//! Archives with forbidden contents: refused, without remains inside or outside.
 
 use crate::packed::*;
 use std::io::Write;
@@ -51,7 +51,7 @@ fn links_and_devices_are_refused() {
     assert!(said.contains("a link or device (walk/rgb)"), "{said}");
 }
 
-/// A header that states 2 GB costs nothing; the same in the name of a file would be taken into memory.
+/// A header that claims 2 GB costs nothing; as the length of a file name it would be allocated.
 #[test]
 fn what_unpacks_to_far_more_is_refused() {
     let mut large = file("walk/rgb.txt", b"");
@@ -74,7 +74,7 @@ fn what_unpacks_to_far_more_is_refused() {
     assert!(said.contains("too much between two files"), "{said}");
 
     let mut zip = zipped(&[("walk/rgb.txt", &[0; 3000])]);
-    // Where the directory at the end states the size.
+    // The size in the directory at the end.
     let at = zip.windows(4).rposition(|w| w == b"PK\x01\x02").unwrap() + 24;
     for (size, part) in [
         (2_u32 << 30, "more than 10 times its size"),
@@ -134,7 +134,7 @@ fn what_is_no_sequence_is_refused() {
     other.start_file("walk/rgb.txt", options).unwrap();
     other.write_all(b"1.0 a").unwrap();
     let mut other = other.finish().unwrap().into_inner();
-    // A method that nobody uses, in both headers.
+    // An unused method, in both headers.
     for magic in [b"PK\x03\x04", b"PK\x01\x02"] {
         let at = other.windows(4).position(|w| w == magic).unwrap();
         let method = at + if magic[2] == 3 { 8 } else { 10 };
@@ -143,7 +143,7 @@ fn what_is_no_sequence_is_refused() {
     refused(other, Zip);
 }
 
-/// One byte of it changed, packed or not: a folder, or an error, and nothing else.
+/// With one byte changed, packed or not, the result is a folder or an error.
 #[test]
 fn whatever_is_damaged_becomes_a_folder_or_an_error() {
     let tar = [

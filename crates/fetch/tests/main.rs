@@ -1,6 +1,6 @@
-//! Archives that are pulled from a server on loopback.
+//! Archives downloaded from a loopback server.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise helpers as tests.
 
 mod broken;
 mod hostile;

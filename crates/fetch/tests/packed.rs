@@ -1,4 +1,4 @@
-//! Archives for tests, and what becomes of them.
+//! Archives for tests, and their installation.
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -13,7 +13,7 @@ use tar::EntryType;
 use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 
-/// An entry of a tar with any name, of any kind.
+/// A tar entry with any name and kind.
 pub(crate) fn entry(name: &str, kind: EntryType, data: &[u8]) -> Vec<u8> {
     let mut header = tar::Header::new_gnu();
     header.as_old_mut().name[..name.len()].copy_from_slice(name.as_bytes());
@@ -30,7 +30,6 @@ pub(crate) fn entry(name: &str, kind: EntryType, data: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// A file of a tar.
 pub(crate) fn file(name: &str, data: &[u8]) -> Vec<u8> {
     entry(name, EntryType::Regular, data)
 }
@@ -46,7 +45,6 @@ pub(crate) fn tgz(entries: &[Vec<u8>]) -> Vec<u8> {
     gzip(&[entries.concat(), vec![0; 1024]].concat())
 }
 
-/// A zip of these files.
 pub(crate) fn zipped(files: &[(&str, &[u8])]) -> Vec<u8> {
     let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
     for (name, data) in files {
@@ -56,12 +54,10 @@ pub(crate) fn zipped(files: &[(&str, &[u8])]) -> Vec<u8> {
     zip.finish().unwrap().into_inner()
 }
 
-/// Bytes that do not pack.
 pub(crate) fn image() -> &'static [u8] {
     stillpoint_testdata::server::made_up_bytes()
 }
 
-/// A sequence as TUM publishes it.
 pub(crate) fn sequence() -> Vec<u8> {
     tgz(&[
         entry("walk/", EntryType::Directory, b""),
@@ -71,7 +67,6 @@ pub(crate) fn sequence() -> Vec<u8> {
     ])
 }
 
-/// Where a test pulls to.
 pub(crate) struct Place {
     dir: TempDir,
 }
@@ -83,7 +78,7 @@ impl Place {
         }
     }
 
-    /// A folder that is not there yet.
+    /// A folder that does not exist yet.
     pub(crate) fn path(&self) -> PathBuf {
         self.dir.path().join("data")
     }
@@ -120,12 +115,12 @@ impl Place {
         pull(&archive, &self.path(), disk, watch)
     }
 
-    /// Names of what lies there, sorted, but for locks.
+    /// Names of the files there except locks, sorted.
     pub(crate) fn names(&self) -> Vec<String> {
         names(&self.path())
     }
 
-    /// Asserts that the sequence is there as it was packed, with its checksum and nothing else.
+    /// Asserts that the complete sequence is there, with its checksum and nothing else.
     pub(crate) fn assert_whole(&self) {
         let folder = self.path().join("rgbd_walk");
         assert_eq!(std::fs::read(folder.join("rgb/1.png")).unwrap(), image());
@@ -145,7 +140,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// The error of an archive that is refused, after which nothing of it is there.
+/// The error of a refused archive; nothing of it may remain.
 pub(crate) fn refused(bytes: Vec<u8>, packing: Packing) -> String {
     let (place, server) = (Place::new(), Server::of(bytes.leak()));
     let e = place.pull(&server, packing).unwrap_err();
@@ -158,7 +153,7 @@ pub(crate) fn refused(bytes: Vec<u8>, packing: Packing) -> String {
     said
 }
 
-/// A disk with so much room in files that are made, and so much that it says.
+/// A disk with limited space in created files, and a stated amount of free space.
 pub(crate) struct SmallDisk {
     pub(crate) room: usize,
     pub(crate) free: Option<u64>,
@@ -200,7 +195,7 @@ impl Write for SmallFile {
     }
 }
 
-/// A server that says something else the first time.
+/// A server with another response the first time.
 pub(crate) fn at_first(
     first: impl Fn(&Request, &mut TcpStream) + Send + Sync + 'static,
     then: impl Fn(&Request, &mut TcpStream) + Send + Sync + 'static,

@@ -1,4 +1,4 @@
-//! Archives that arrive, with their checksums.
+//! Successful downloads of archives, with their checksums.
 
 use crate::packed::*;
 use std::fs;
@@ -22,7 +22,7 @@ fn an_archive_becomes_a_folder_and_is_not_fetched_twice() {
     let record = fs::read_to_string(&pulled.record).unwrap();
     assert_eq!(record, format!("{sha256}  walk.bin\n"));
     assert_eq!(pulled.transferred, bytes.len() as u64);
-    // The size is known before the first byte comes.
+    // The size is known before the first byte.
     let total = Some(bytes.len() as u64);
     assert!(matches!(&seen[0], Progress::Connecting { .. }));
     assert!(matches!(&seen[1], Progress::Receiving { received: 0, total: t, .. } if *t == total));
@@ -88,12 +88,12 @@ fn what_has_the_name_is_not_touched() {
     let e = place.pull(&server, Packing::TarGz).unwrap_err();
     assert!(matches!(e, ArchiveError::InTheWay { .. }), "{e}");
     assert_eq!(fs::read(folder.join("mine.txt")).unwrap(), b"mine");
-    // One that was unpacked by hand is the sequence.
+    // A folder that was unpacked by hand is accepted.
     fs::write(folder.join("rgb.txt"), "").unwrap();
     let here = place.pull(&server, Packing::TarGz).unwrap();
     assert_eq!((here.sha256, here.transferred), (None, 0));
     assert!(server.requests().is_empty());
-    // A place that cannot be a folder.
+    // A path that cannot be a folder.
     let place = Place::new();
     fs::write(place.path(), "a file").unwrap();
     let e = place.pull(&server, Packing::TarGz).unwrap_err();

@@ -1,26 +1,26 @@
-//! A file in the making, beside the place that it will take.
+//! A temporary file beside its final path.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A file under a name that no one else uses, in the folder of its final place, locked until it is closed. Dropping it removes it.
+/// A file under a unique name in the folder of its final path, locked until it is closed. Dropping it removes it.
 ///
-/// A process that is killed leaves it behind, hidden; the next that begins a file for the same place removes it. A file that is still being written is locked, and the lock ends with
-/// its process.
+/// A killed process leaves it behind, hidden; the next one that begins a file for the same path removes it. A file still being written is
+/// locked, and the lock ends with its process.
 #[derive(Debug)]
 pub struct Aside {
     pub(crate) file: File,
-    /// `None` once it has moved.
+    /// `None` after the renaming.
     path: Option<PathBuf>,
 }
 
 impl Aside {
-    /// Begins a file that is to take this place, of which nothing is touched.
+    /// Creates a temporary file for this path, without touching the path.
     ///
     /// # Errors
-    /// The system's: no such folder, not writable; a path that names no file.
+    /// Of the system: no such folder, not writable; a path without a file name.
     pub fn of(target: &Path) -> io::Result<Self> {
         remove_stale(target)?;
         let (file, path) = create(target)?;
@@ -28,7 +28,7 @@ impl Aside {
         Ok(Self { file, path })
     }
 
-    /// A file with these bytes, on the disk.
+    /// A file with these bytes, synced to disk.
     ///
     /// # Errors
     /// As for [`Aside::of`]; a full disk.
@@ -39,10 +39,10 @@ impl Aside {
         Ok(aside)
     }
 
-    /// Brings everything to the disk and renames the file. A link at its place is replaced, not what it leads to. That the new name is on the disk, too, is [`sync_folder`]'s business.
+    /// Syncs the file to disk and renames it. A link at the path is replaced, not its target. [`sync_folder`] syncs the new name.
     ///
     /// # Errors
-    /// The system's; what was there before is then untouched.
+    /// Of the system; the previous file is then unchanged.
     pub fn take_place(mut self, target: &Path) -> io::Result<()> {
         // A full disk may show only here.
         self.file.sync_all()?;
@@ -57,20 +57,19 @@ impl Aside {
 impl Drop for Aside {
     fn drop(&mut self) {
         if let Some(path) = &self.path {
-            // Nothing can be done about a failure here; the next that writes this file tries again.
+            // A failure here is ignored; the next process that writes this file tries again.
             let _ = std::fs::remove_file(path);
         }
     }
 }
 
-/// Makes renamings in a folder last through a loss of power. Where a folder cannot be opened for it (Windows), the file system sees to it.
+/// Makes renamings in a folder survive a loss of power. If folders cannot be opened for this (Windows), the file system ensures it.
 pub fn sync_folder(folder: &Path) {
     if let Ok(folder) = File::open(folder) {
         let _ = folder.sync_all();
     }
 }
 
-/// The folder that a file is in.
 pub(crate) fn folder(path: &Path) -> Option<&Path> {
     let folder = path.parent()?;
     Some(if folder.as_os_str().is_empty() {
@@ -80,8 +79,7 @@ pub(crate) fn folder(path: &Path) -> Option<&Path> {
     })
 }
 
-/// How the names of temporary files begin and end; hidden, and in the folder of the file itself, so that renaming does not
-/// cross file systems.
+/// Beginning and end of temporary file names; hidden, and in the folder of the file itself, so that renaming does not cross file systems.
 fn temporary_name(target: &Path) -> io::Result<(String, &'static str)> {
     let Some(name) = target.file_name() else {
         return Err(io::Error::new(
@@ -94,32 +92,31 @@ fn temporary_name(target: &Path) -> io::Result<(String, &'static str)> {
     Ok((format!(".{name}."), ".tmp"))
 }
 
-/// A new file under a name that no one else uses, locked until it is closed.
+/// A new file under a unique name, locked until it is closed.
 fn create(target: &Path) -> io::Result<(File, PathBuf)> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let (begin, end) = temporary_name(target)?;
     loop {
-        // The process id keeps two programs apart, the count two threads.
+        // The process id distinguishes programs, the count threads.
         let count = COUNT.fetch_add(1, Ordering::Relaxed);
         let path = target.with_file_name(format!("{begin}{}-{count}{end}", std::process::id()));
         match OpenOptions::new().write(true).create_new(true).open(&path) {
             Ok(file) => {
-                // Not every file system has locks; there, no temporary file is ever taken for a stale one.
+                // Not every file system has locks; without them, temporary files are never removed as stale.
                 let _ = file.lock();
-                // Between the two, another process may have taken it for one.
+                // Before the lock, another process may have removed it as stale.
                 if path.exists() {
                     return Ok((file, path));
                 }
             }
-            // Of a process of the same number, elsewhere in a network or in a container.
+            // Of a process with the same id, elsewhere in a network or in a container.
             Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
             Err(e) => return Err(e),
         }
     }
 }
 
-/// Whether a name between beginning and end is one that [`create`] gives, as no one else does: what a user calls
-/// `.NAME.mine.tmp` is not ours to remove.
+/// Whether the middle of a name is one of [`create`]: a user's own `.NAME.mine.tmp` must not be removed.
 fn is_process_and_count(middle: &str) -> bool {
     let is_number = |s: &str| !s.is_empty() && s.bytes().all(|b| b.is_ascii_digit());
     middle
@@ -127,7 +124,7 @@ fn is_process_and_count(middle: &str) -> bool {
         .is_some_and(|(process, count)| is_number(process) && is_number(count))
 }
 
-/// Removes temporary files of this target whose processes have come to an end. What cannot be listed or removed does no harm.
+/// Removes temporary files of this target whose processes have ended. Failures to list or remove are harmless.
 fn remove_stale(target: &Path) -> io::Result<()> {
     let (begin, end) = temporary_name(target)?;
     let entries = folder(target).and_then(|f| std::fs::read_dir(f).ok());
@@ -144,7 +141,7 @@ fn remove_stale(target: &Path) -> io::Result<()> {
             continue;
         };
         match file.try_lock() {
-            // Removed before the lock ends, so that who waits for it sees that the file is gone.
+            // Removed before the lock ends, so that waiting processes see that the file is gone.
             Ok(()) => drop(std::fs::remove_file(entry.path())),
             Err(TryLockError::WouldBlock | TryLockError::Error(_)) => {}
         }

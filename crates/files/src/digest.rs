@@ -1,10 +1,10 @@
-//! SHA-256, of bytes at hand and of files.
+//! SHA-256 of bytes and of files.
 
 use sha2::{Digest as _, Sha256};
 use std::fmt::Write;
 use std::io::{ErrorKind, Read, Result};
 
-/// A checksum that grows with what it is of.
+/// An incremental SHA-256.
 #[derive(Default)]
 pub struct Digest(Sha256);
 
@@ -14,7 +14,7 @@ impl Digest {
         self.0.update(bytes);
     }
 
-    /// Adds what the reader yields, and says how many bytes that were.
+    /// Adds all data of a reader, and returns its number of bytes.
     ///
     /// # Errors
     /// Those of the reader.
@@ -54,7 +54,7 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
     digest.hex()
 }
 
-/// Whether the text is a checksum as [`Digest::hex`] writes them.
+/// Whether the text is a checksum in the format of [`Digest::hex`].
 #[must_use]
 pub fn is_sha256(text: &str) -> bool {
     text.len() == 64 && text.chars().all(|c| matches!(c, '0'..='9' | 'a'..='f'))

@@ -1,6 +1,7 @@
-//! Files that are written whole or not at all, and checksums of files.
+//! Atomic file writes, and checksums of files.
 //!
-//! Answers: how bytes get under their name without a half file ever having it, and whether they are the ones that were written. Does not know what is in a file.
+//! Answers: how to write a file so that its name never denotes a partial one, and whether its bytes are unchanged. Does not know the
+//! content of files.
 
 mod aside;
 mod digest;

@@ -1,39 +1,36 @@
-//! Whole files, or none.
+//! Atomic writes.
 //!
-//! A file is written under another name in the same folder, brought to the disk, and only then takes its place, by one
-//! renaming. Who reads it finds the old one or the new one, whatever happens in between: an error, a full disk, a killed
-//! process, a loss of power.
+//! A file is written under another name in the same folder, synced to disk, and then renamed to its final path. Readers find the old or the
+//! new file, whatever happens in between: an error, a full disk, a killed process, a loss of power.
 
 use crate::aside::{Aside, folder, sync_folder};
 use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes a file as a whole: into a temporary file in the same folder, which then takes the place of `path`. When
-/// anything fails, what was at `path` before is untouched and the temporary file is gone. See [`AtomicFile`].
+/// Writes a file atomically: into a temporary file in the same folder, which is then renamed to `path`. On failure, the previous file at
+/// `path` is unchanged and the temporary file is removed. See [`AtomicFile`].
 ///
 /// # Errors
-/// The system's reason (no such folder, not writable, disk full).
+/// Of the system (no such folder, not writable, disk full).
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(bytes)?;
     file.commit()
 }
 
-/// A file in the making, for what is written bit by bit. [`AtomicFile::commit`] puts it where it belongs; dropping it without
-/// that leaves what was there before.
+/// A file that is written in parts. [`AtomicFile::commit`] renames it to its path; dropping it without that keeps the previous file.
 ///
-/// Where `path` is a link, the file that it leads to is replaced. Devices and pipes cannot be replaced and are written to
-/// directly. A file that is write-protected is not replaced, and one that is keeps its permissions.
+/// If `path` is a link, its target is replaced. Devices and pipes are written to directly. A write-protected file is not replaced; a
+/// replaced one keeps its permissions.
 ///
-/// What a process that is killed leaves behind the next that writes the same file removes: see [`Aside`].
+/// The remains of a killed process are removed by the next process that writes the same file: see [`Aside`].
 #[derive(Debug)]
 pub struct AtomicFile {
     target: PathBuf,
     to: To,
 }
 
-/// What is written to.
 #[derive(Debug)]
 enum To {
     Aside(Aside),
@@ -42,13 +39,13 @@ enum To {
 }
 
 impl AtomicFile {
-    /// Begins a file, as far as that can be done without touching what is at `path`. So a folder that is missing or cannot
-    /// be written to is known before the work whose result is to be written.
+    /// Begins a file without touching `path`. A missing or write-protected folder is thus detected before the work whose result is to be
+    /// written.
     ///
     /// # Errors
-    /// The system's: no such folder, not writable, a folder at `path`.
+    /// Of the system: no such folder, not writable, a folder at `path`.
     pub fn create(path: &Path) -> io::Result<Self> {
-        // Where a link leads: it must not be replaced by a file.
+        // The target of a link: the link must not be replaced by a file.
         let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let old = target.metadata().ok();
         if old.as_ref().is_some_and(|m| m.is_dir()) {
@@ -68,20 +65,20 @@ impl AtomicFile {
         }
         let aside = Aside::of(&target)?;
         if let Some(old) = old {
-            // Of someone else's file they cannot always be kept.
+            // Permissions of another user's file cannot always be kept.
             let _ = aside.file.set_permissions(old);
         }
         let to = To::Aside(aside);
         Ok(Self { target, to })
     }
 
-    /// Brings everything to the disk and puts the file where it belongs.
+    /// Syncs the file to disk and renames it to its path.
     ///
     /// # Errors
-    /// The system's; what was there before is then untouched.
+    /// Of the system; the previous file is then unchanged.
     pub fn commit(self) -> io::Result<()> {
         match self.to {
-            // Not every device can be asked to bring what it has anywhere.
+            // Not every device can be synced.
             To::Device(mut device) => device.flush(),
             To::Aside(aside) => {
                 aside.take_place(&self.target)?;
@@ -238,7 +235,7 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
         let kept = path.metadata().unwrap().permissions().mode();
         assert_eq!(kept & 0o777, 0o600);
-        // Who may do everything may not do this by accident.
+        // Even a user with all rights must not do this by accident.
         mode(0o444).unwrap();
         let e = write_atomic(&path, b"newer").unwrap_err().to_string();
         assert!(e.contains("write-protected"), "{e}");
@@ -246,7 +243,7 @@ mod tests {
         assert_eq!(names(dir.path()), ["a.txt", "link"]);
     }
 
-    /// Several files that belong together are all on the disk before the first takes its place; each replaces a link itself.
+    /// Several related files are all on disk before the first is renamed; each replaces a link itself.
     #[test]
     #[cfg(unix)]
     fn what_stands_aside_touches_nothing_until_it_takes_its_place() {

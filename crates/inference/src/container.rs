@@ -1,17 +1,17 @@
-//! Whether bytes are a whole ONNX file. The runtime's reader takes a cut file for a whole one, and never ends on lengths that
-//! point backwards, so the outer fields are checked before it sees them; within those it keeps to their bounds.
+//! Checks that bytes are a complete ONNX file. The runtime's reader accepts truncated files, and never ends on lengths that point
+//! backwards, so the outer fields are checked first; within those it respects their bounds.
 
 use crate::wire::{Value, fields};
 
-/// Field of `ModelProto` that holds the format's version (`ir_version`).
+/// Field of `ModelProto` with the format's version (`ir_version`).
 const VERSION: u64 = 1;
-/// Field of `ModelProto` that holds the network (`graph`).
+/// Field of `ModelProto` with the network (`graph`).
 const GRAPH: u64 = 7;
 
 /// Checks the outermost fields (Protocol Buffers wire format, ONNX's `ModelProto`).
 ///
 /// # Errors
-/// What is wrong, for a message.
+/// The problem, for a message.
 pub(super) fn check(bytes: &[u8]) -> Result<(), String> {
     let (mut version, mut graph) = (false, false);
     for field in fields(bytes) {

@@ -1,4 +1,4 @@
-//! A network behind the trait `Detector`: an image in, boxes of COCO's classes out.
+//! A network as a `Detector`: an image in, boxes of COCO's classes out.
 
 use crate::card::{Head, ModelCard};
 use crate::error::ModelError;
@@ -16,15 +16,15 @@ use stillpoint_detection::{
 use stillpoint_files::sha256_hex;
 use stillpoint_imaging::{ColourImage, FrameId, RgbdFrame};
 
-/// How a network is run and its output is read.
+/// How a network is run and its output decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OnnxOptions {
-    /// Least score (objectness times class) of a detection. Range: over 0 to 1. 0.25: lower ones are mostly wrong, and what
-    /// it misses is bridged by tracks.
+    /// Minimum score (objectness times class) of a detection. Range: over 0 to 1. 0.25: lower ones are mostly wrong, and tracks bridge
+    /// missed ones.
     pub score_threshold: f32,
-    /// Intersection over union above which the weaker of two boxes of a class is dropped. Range: 0 to 1. 0.45: YOLOX's own.
-    /// Networks that suppress overlaps themselves are left as they are.
+    /// Intersection over union above which the weaker of two boxes of a class is dropped. Range: 0 to 1. 0.45: YOLOX's own. Not applied to
+    /// networks with built-in suppression.
     pub iou_threshold: f32,
     /// Threads of the network. Range: 1 to 64. 1: the other cores belong to tracking and mapping.
     pub threads: usize,
@@ -43,7 +43,7 @@ impl Default for OnnxOptions {
     }
 }
 
-/// A network that finds things of COCO's classes.
+/// A network that detects objects of COCO's classes.
 pub struct OnnxDetector {
     name: String,
     sha256: String,
@@ -51,21 +51,18 @@ pub struct OnnxDetector {
     card: ModelCard,
     network: Network,
     letterbox: Letterbox,
-    /// The model's own size of the input.
     own: Size,
-    /// Of the last input.
     size: Size,
-    /// Sizes that fit images and that were tried, with what was wrong with them. The last ones, so that a folder of images of all
-    /// sizes does not fill the memory.
+    /// Input sizes that were tried, with the error of those that failed. Only the last ones, so that images of many sizes do not fill the
+    /// memory.
     tried: Vec<(Size, Option<String>)>,
 }
 
-/// The most sizes that are remembered.
 const MOST_TRIED: usize = 64;
 
 impl OnnxDetector {
-    /// From the bytes of a known model's file, in `rten`. `name` is what errors and summaries call it. The model is run once on
-    /// an image without anything in it, so that one that does not fit is refused here and not at the first frame.
+    /// Loads a known model from its file's bytes, in `rten`. Errors and summaries refer to it by `name`. The model is run once on a blank
+    /// image, so that mismatches are refused here and not at the first frame.
     ///
     /// # Errors
     /// [`ModelError`] for options out of range, and for models that do not load, do not run or are not known.
@@ -77,11 +74,11 @@ impl OnnxDetector {
         Self::with_card(bytes, name, None, &Runtime::default(), options)
     }
 
-    /// From the bytes of a model's file, with its card if it has one, in a runtime. See [`Self::from_bytes`].
+    /// Loads a model from its file's bytes, with its card if it has one, in this runtime. See [`Self::from_bytes`].
     ///
     /// # Errors
-    /// [`ModelError`] for options out of range, and for models that do not load, do not run, are not what the card says, or are
-    /// not known and have no card.
+    /// [`ModelError`] for options out of range, and for models that do not load, do not run, contradict their card, or are not known and
+    /// have no card.
     pub fn with_card(
         bytes: Vec<u8>,
         name: &str,
@@ -110,26 +107,26 @@ impl OnnxDetector {
         })
     }
 
-    /// What the network's numbers mean: the card that was given, or the built-in one that was recognised.
+    /// The given card, or the recognised built-in one.
     #[must_use]
     pub fn card(&self) -> &ModelCard {
         &self.card
     }
 
-    /// What the model takes and gives, as its file says.
+    /// The model's inputs and outputs, as declared in its file.
     #[must_use]
     pub fn interface(&self) -> &Interface {
         self.network.interface()
     }
 
-    /// Width and height of the network's input for the last image, px; before the first one, what it was tried at.
+    /// Width and height of the network's input for the last image, px; before the first one, of the trial.
     #[must_use]
     pub fn input_size(&self) -> (usize, usize) {
         (self.size.width, self.size.height)
     }
 
-    /// The boxes in one colour image, in raw pixels and within the image, best score first. `frame` is named in errors. The
-    /// first image of another aspect takes longer, since the network is made ready for it.
+    /// The boxes in one colour image, in raw pixels and within the image, best score first. Errors name `frame`. The first image of another
+    /// aspect takes longer, since the network is prepared for it.
     ///
     /// # Errors
     /// [`DetectError::ImageSize`] for an image without pixels, and failures of the network.
@@ -148,7 +145,7 @@ impl OnnxDetector {
         }
         let size = self.size_for(width, height);
         let boxes = match self.look(image, size) {
-            // What an image did must not matter to the next one.
+            // An image must not affect the next one.
             Err(_) if size != self.own && self.options.input == InputSize::Fit => {
                 self.network.forget(size);
                 self.look(image, self.own)
@@ -165,12 +162,11 @@ impl OnnxDetector {
         })
     }
 
-    /// The size of the input for an image.
     fn size_for(&mut self, width: usize, height: usize) -> Size {
-        // Nothing in the output of a network that decodes its boxes itself says whether they are right for another size.
+        // For a network that decodes its boxes itself, the output does not show whether they are right for another size.
         let baked = match self.card.head {
             Head::EndToEnd => self.network.own.is_some(),
-            // Positions of its queries may be part of the graph, and squares are what it is trained on.
+            // Positions of its queries may be part of the graph, and training uses squares.
             Head::Detr => true,
             _ => false,
         };
@@ -184,7 +180,7 @@ impl OnnxDetector {
         }
     }
 
-    /// Whether the graph allows a size: tried on an image without anything in it, so that it depends on the size alone.
+    /// Whether the graph allows a size: tried on a blank image, so that the result depends on the size alone.
     fn allows(&mut self, size: Size) -> bool {
         if size == self.own {
             return true;
@@ -204,7 +200,7 @@ impl OnnxDetector {
         allowed
     }
 
-    /// Looks at an image with an input of this size.
+    /// Runs the network on an image at this input size.
     fn look(&mut self, image: &ColourImage, size: Size) -> Result<Vec<Detection>, Failure> {
         self.size = size;
         let planes = {
@@ -213,7 +209,7 @@ impl OnnxDetector {
         };
         let threshold = self.options.score_threshold;
         let mut boxes = look(&mut self.network, &self.card, planes, size, threshold)?;
-        // Several of the network's classes may be one here, and those that are left out must not push others out.
+        // Several classes of the network may map to one here, and ignored ones must not suppress others.
         boxes.retain_mut(|b| match self.card.class(b.class) {
             Some(class) => {
                 b.class = usize::from(class.0);
@@ -232,13 +228,13 @@ impl OnnxDetector {
     }
 }
 
-/// A box in the image; its class is one of COCO's. `None` for what lies in the padding altogether.
+/// The detection of a box, in image coordinates; its class is one of COCO's. `None` for boxes entirely in the padding.
 fn detection(
     found: &Candidate,
     Placement { offset, scale }: Placement,
     image: &ColourImage,
 ) -> Option<Detection> {
-    // The network measures from the corner of the first pixel, which is half a pixel before its centre.
+    // The network measures from the corner of the first pixel, half a pixel before its centre.
     let x = |x: f64| (x - offset[0] as f64) * scale[0] - 0.5;
     let y = |y: f64| (y - offset[1] as f64) * scale[1] - 0.5;
     let BoundingBox { x0, y0, x1, y1 } = found.bounds;

@@ -1,24 +1,24 @@
-//! What can be wrong with a model, said so that the user can correct it.
+//! Errors of models, and their messages.
 
 use super::card::Head;
 use super::heads::expectation;
 use super::interface::Interface;
 
-/// A model cannot be used.
+/// Error: a model cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelError {
-    /// The bytes are no model, or one with operators that the runtime does not have.
+    /// Not a model, or one with operators that the runtime lacks.
     #[error(
         "{name}: expected an ONNX model that the runtime can load, found: {reason}; check the file, or export the model again"
     )]
     Load {
         /// Name of the model.
         name: String,
-        /// What the runtime said.
+        /// Error of the runtime.
         reason: String,
     },
-    /// The model has inputs and outputs that no head is known to have. The message has several lines.
+    /// Inputs and outputs match no known head. The message has several lines.
     #[error(
         "{name}: expected a detector that is known or has a card, found one with\n{found}\n{}",
         advice(name, *raw_maps)
@@ -26,23 +26,23 @@ pub enum ModelError {
     Interface {
         /// Name of the model.
         name: String,
-        /// Its inputs and outputs, one a line.
+        /// Its inputs and outputs, one per line.
         found: String,
-        /// Whether the outputs are those of `yolo-anchors`, whose anchors only a card says.
+        /// Whether the outputs are those of `yolo-anchors`, whose anchors must come from a card.
         raw_maps: bool,
     },
-    /// A card, given or built in, says something else than the model.
+    /// A card, given or built in, contradicts the model.
     #[error("{name}: {key}: expected {expected}, found {found}; {advice}")]
     Card {
         /// Name of the model.
         name: String,
         /// Key of the card.
         key: &'static str,
-        /// What the card asks for.
+        /// Value required by the card.
         expected: String,
-        /// What the model has.
+        /// Value of the model.
         found: String,
-        /// What to do.
+        /// Remedy.
         advice: &'static str,
     },
     /// The model was loaded but does not run.
@@ -54,27 +54,27 @@ pub enum ModelError {
         name: String,
         /// Width and height of the input.
         size: String,
-        /// What the runtime said.
+        /// Error of the runtime.
         reason: String,
     },
-    /// The size of the input that was asked for is none that the model takes.
+    /// The model does not take the requested input size.
     #[error(
         "{name}: expected a model that takes {asked} px, found {reason}; use {other}, or export the model for the other size"
     )]
     Size {
         /// Name of the model.
         name: String,
-        /// Width and height that were asked for.
+        /// Requested width and height.
         asked: String,
-        /// Why not.
+        /// Reason.
         reason: String,
-        /// What can be used instead.
+        /// Usable alternative.
         other: String,
     },
     /// An option is out of its range.
     #[error("{option}: expected {expected}, found {found}; choose a value in this range")]
     Option {
-        /// Which one.
+        /// Its name.
         option: &'static str,
         /// Its range.
         expected: &'static str,
@@ -84,7 +84,6 @@ pub enum ModelError {
 }
 
 impl ModelError {
-    /// Of a model with these inputs and outputs.
     pub(super) fn interface(name: &str, interface: &Interface, raw_maps: bool) -> Self {
         Self::Interface {
             name: name.to_owned(),
@@ -94,7 +93,7 @@ impl ModelError {
     }
 }
 
-/// What each head expects, and how to say which one a model has.
+/// The expectations of each head, and how to state a model's head.
 fn advice(name: &str, raw_maps: bool) -> String {
     let card = card_name(name);
     if raw_maps {
@@ -119,7 +118,7 @@ fn advice(name: &str, raw_maps: bool) -> String {
 
 const RAW_MAPS: &str = "These are raw maps (yolo-anchors). Boxes are relative to the model's anchors, which its outputs do not say and which must
 be given in a card beside it:";
-/// As the training code of these models has them.
+/// As in the training code of these models.
 const ANCHORS: &str = "  head = \"yolo-anchors\"
   [output]
   anchors = the line of these two that is the model's, or its own:
@@ -128,7 +127,6 @@ YOLOv7:
 YOLOv5 and YOLOv7-tiny:
   anchors = [[10, 13, 16, 30, 33, 23], [30, 61, 62, 45, 59, 119], [116, 90, 156, 198, 373, 326]]";
 
-/// Where the card of a model lies.
 fn card_name(name: &str) -> String {
     match name
         .len()

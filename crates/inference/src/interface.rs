@@ -1,4 +1,4 @@
-//! What a model takes and gives, read from its file without any runtime.
+//! Inputs and outputs of a model, read from its file without a runtime.
 
 use crate::wire::{WireError, fields, text};
 use std::collections::BTreeSet;
@@ -7,18 +7,18 @@ use std::fmt;
 /// Inputs and outputs of a model.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Interface {
-    /// What it takes, without what the file itself holds (weights).
+    /// Its inputs, without weights.
     pub inputs: Vec<Port>,
-    /// What it gives.
+    /// Its outputs.
     pub outputs: Vec<Port>,
 }
 
 /// One input or output.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Port {
-    /// Its name in the graph.
+    /// Name in the graph.
     pub name: String,
-    /// Sizes of its dimensions; `None` where the file says none.
+    /// Sizes of its dimensions; `None` if the file has none.
     pub shape: Option<Vec<Dimension>>,
 }
 
@@ -27,15 +27,15 @@ pub struct Port {
 pub enum Dimension {
     /// A number.
     Fixed(u64),
-    /// Whatever comes in; the name it has in the graph, which may be empty.
+    /// Any size; its name in the graph, which may be empty.
     Free(String),
 }
 
 impl Interface {
-    /// Of an ONNX file: its graph's fields 11 and 12, less the inputs that are among its weights (field 5).
+    /// Reads an ONNX file: its graph's fields 11 and 12, less the inputs that are among its weights (field 5).
     ///
     /// # Errors
-    /// Damaged fields on the way there; over 1024 inputs or outputs, or over 16 dimensions of one.
+    /// Damaged fields; over 1024 inputs or outputs, or over 16 dimensions of one.
     pub fn read(model: &[u8]) -> Result<Self, WireError> {
         let mut interface = Self::default();
         let mut weights = BTreeSet::new();
@@ -72,12 +72,12 @@ impl Interface {
 }
 
 impl Interface {
-    /// As lines of a message: the first ones, since models that are something else may have hundreds.
+    /// As lines of a message: the first ones, since other models may have hundreds.
     pub(super) fn listing(&self) -> String {
         const SHOWN: usize = 12;
         let inputs = self.inputs.iter().map(|port| ("input ", port));
         let outputs = self.outputs.iter().map(|port| ("output", port));
-        // Outputs tell more, and many inputs must not hide them.
+        // Outputs are more informative, and many inputs must not hide them.
         let for_inputs = SHOWN - self.outputs.len().min(SHOWN / 2);
         let mut lines: Vec<String> = inputs
             .take(for_inputs)
@@ -94,7 +94,7 @@ impl Interface {
         lines.join("\n")
     }
 
-    /// With the shapes that outputs turned out to have.
+    /// With the actual shapes of the outputs.
     pub(super) fn with_outputs(&self, shapes: impl Iterator<Item = Vec<usize>>) -> Self {
         let mut known = self.clone();
         for (port, shape) in known.outputs.iter_mut().zip(shapes) {
@@ -104,11 +104,9 @@ impl Interface {
     }
 }
 
-/// The most inputs or outputs.
 const MOST_PORTS: usize = 1024;
-/// The most dimensions of an input or output.
 const MOST_DIMENSIONS: usize = 16;
-/// The most characters of a name that are printed.
+/// Maximum number of printed characters of a name.
 const PRINTED: usize = 80;
 
 impl Port {
@@ -155,7 +153,7 @@ impl Dimension {
         for field in fields(message) {
             let field = field?;
             match (field.number, field.value.integer(), field.value.text()) {
-                // A negative one, as some exporters write for a size that is free.
+                // Some exporters write a negative number for a free size.
                 (1, Some(size), _) if i64::try_from(size).is_err() => {
                     found = Self::Free(String::new());
                 }
@@ -233,7 +231,7 @@ impl fmt::Display for Dimension {
     }
 }
 
-/// A name from a file as part of a line: without control characters, and not forever.
+/// A name from a file as part of a line: shortened, and without control characters.
 fn printed(name: &str) -> String {
     let mut text: String = name.escape_debug().take(PRINTED).collect();
     if name.escape_debug().nth(PRINTED).is_some() {

@@ -1,4 +1,4 @@
-//! The cards that are built in, and which of them a model's inputs and outputs ask for.
+//! The built-in cards, and their recognition from a model's inputs and outputs.
 
 use super::card::{CardInput, CardOutput, Classes, Column, Head, IMAGENET, ModelCard};
 use super::heads::{Reading, boxes_lie_in_their_cells};
@@ -6,15 +6,14 @@ use super::interface::{Dimension, Interface, Port};
 use super::runtime::Tensor;
 use super::size::Size;
 
-/// The most outputs that a head reads: two for each of six strides.
+/// Maximum number of outputs of a head: two for each of six strides.
 const MOST_OUTPUTS: usize = 12;
-/// The most numbers of all outputs together, 256 MB of them: over ten times those of large detectors.
+/// Maximum number of values of all outputs together, 256 MB of them: over ten times those of large detectors.
 const MOST_NUMBERS: usize = 1 << 26;
 
 impl ModelCard {
-    /// The built-in card of a model with these inputs and outputs, for COCO's 80 classes: the first one whose head reads such
-    /// outputs. `None` for unknown models, and for those whose file does not say enough, of which [`super::OnnxDetector`] knows
-    /// more once it has run them.
+    /// The built-in card of a model with these inputs and outputs, for COCO's 80 classes: the first one whose head reads such outputs.
+    /// `None` for unknown models, and for those whose file lacks shapes, which [`super::OnnxDetector`] recognises after running them.
     #[must_use]
     pub fn known(interface: &Interface) -> Option<Self> {
         let size = image_size(interface)?;
@@ -48,8 +47,8 @@ pub(super) fn recognise(
     Some(card)
 }
 
-/// Whether the one output is a row for each image and no table of boxes, as classifiers give it: with one row that the file does
-/// not call free, or with as many as there are images.
+/// Whether the one output is a classifier's row per image and not a table of boxes: with one row that is not declared free, or with one per
+/// image.
 fn is_row_per_image(interface: &Interface, outputs: &[Tensor]) -> bool {
     let [table] = outputs else {
         return false;
@@ -66,7 +65,7 @@ fn is_row_per_image(interface: &Interface, outputs: &[Tensor]) -> bool {
     }
 }
 
-/// Whether outputs are raw maps, for any number of classes: their shapes do not say the anchors.
+/// Whether outputs are raw maps, for any number of classes: their shapes do not determine the anchors.
 pub(super) fn are_raw_maps(size: Size, outputs: &[Tensor]) -> bool {
     let columns = match outputs.first().map(|t| &t.shape[..]) {
         Some(&[1, depth, _, _]) if depth.is_multiple_of(3) => depth / 3,
@@ -86,7 +85,7 @@ pub(super) fn are_raw_maps(size: Size, outputs: &[Tensor]) -> bool {
     reading.decode(outputs).is_ok()
 }
 
-/// How many numbers the outputs have at least, by their shapes in the file; `None` for more than any detector gives.
+/// Minimum number of values of the outputs, by their shapes in the file; `None` if over the limit.
 pub(super) fn declared_numbers(interface: &Interface) -> Option<usize> {
     let numbers = |port: &Port| {
         let sizes = port.shape.iter().flatten();
@@ -106,8 +105,8 @@ pub(super) fn declared_numbers(interface: &Interface) -> Option<usize> {
         .filter(|&sum| sum <= MOST_NUMBERS)
 }
 
-/// The card that suits what the numbers look like: rows that are decoded already, and scores that have been through the sigmoid
-/// or have not. The outputs are of the card's head, of an image without anything in it.
+/// The card adapted to the values: whether rows are decoded already, and whether scores have been through the sigmoid. The outputs are of
+/// the card's head, for a blank image.
 pub(super) fn adapted(card: &ModelCard, size: Size, outputs: &[Tensor]) -> ModelCard {
     let reading = Reading {
         card,
@@ -133,15 +132,15 @@ pub(super) fn adapted(card: &ModelCard, size: Size, outputs: &[Tensor]) -> Model
         }
         _ => {}
     }
-    // Rounding may go over by a little.
+    // Rounding may exceed the range slightly.
     if let Some((lowest, highest)) = reading.score_range(outputs) {
         new.output.sigmoid = lowest > -1e-3 && highest < 1.0 + 1e-3;
     }
     new
 }
 
-/// All built-in cards in the order in which they are tried. None is for raw maps: YOLOv5's and YOLOv7's have the same shapes and
-/// other anchors.
+/// All built-in cards in the order in which they are tried. None is for raw maps: YOLOv5's and YOLOv7's have the same shapes and different
+/// anchors.
 fn cards() -> Vec<ModelCard> {
     let of = ModelCard::new;
     let with = |head, change: &dyn Fn(&mut CardInput, &mut CardOutput)| {
@@ -173,16 +172,16 @@ fn cards() -> Vec<ModelCard> {
     ]
 }
 
-/// What D-FINE and its kin call the input that takes the width and height in px to which boxes are brought.
+/// Name of the input of D-FINE and related networks for the width and height in px to which boxes are scaled.
 const TARGET_SIZE: &str = "orig_target_sizes";
 
-/// The size of the image input, if the model has no input that is unknown and says one.
+/// Size of the image input, if it is declared and all inputs are known.
 fn image_size(interface: &Interface) -> Option<Size> {
     let (image, _) = image_input(interface)?;
     image_of(image)?
 }
 
-/// The input that takes images, and the one that takes the size to which boxes are brought if there is one. `None` for other inputs.
+/// The image input, and the input for the size to which boxes are scaled, if any. `None` for other inputs.
 pub(super) fn image_input(interface: &Interface) -> Option<(&Port, Option<&Port>)> {
     match &interface.inputs[..] {
         [image] => Some((image, None)),
@@ -199,7 +198,7 @@ fn is_target_size(port: &Port) -> bool {
     port.name == TARGET_SIZE && fits
 }
 
-/// Whether a port takes images, and of which size if it says one.
+/// Whether a port takes images, and their size if declared.
 pub(super) fn image_of(input: &Port) -> Option<Option<Size>> {
     let [batch, channels, height, width] = &input.shape.as_ref()?[..] else {
         return None;
@@ -219,8 +218,7 @@ pub(super) fn image_of(input: &Port) -> Option<Option<Size>> {
     (sane(size.width) && sane(size.height)).then_some(Some(size))
 }
 
-/// An output of zeros; a free first size is a batch of one image, or a table without rows. Outputs have been found to be of a
-/// sane size.
+/// An output of zeros; a free first size is a batch of one image, or a table without rows. Output sizes have been checked before.
 fn blank(port: &Port) -> Option<Tensor> {
     let dimensions = port.shape.as_ref()?;
     let shape = dimensions.iter().enumerate().map(|(i, d)| match d {
@@ -246,7 +244,7 @@ mod tests {
     fn interface(input: &[u64], outputs: &[&[u64]]) -> Interface {
         let port = |shape: &[u64]| Port {
             name: "x".to_owned(),
-            // Zero stands for a size that is free.
+            // Zero denotes a free size.
             shape: Some(
                 shape
                     .iter()
@@ -350,7 +348,7 @@ mod tests {
         assert_eq!(ModelCard::known(&batches), None);
     }
 
-    /// The shapes do not say the anchors.
+    /// The shapes do not determine the anchors.
     #[test]
     fn raw_maps_are_reported_but_not_recognised() {
         let size = Size {
@@ -384,7 +382,7 @@ mod tests {
         }
     }
 
-    /// Each would be a quarter of a gigabyte.
+    /// Each would take a quarter of a gigabyte.
     #[test]
     fn outputs_that_are_huge_together_are_not_made() {
         let outputs = vec![&[1_u64, 8192, 8192][..]; 12];

@@ -1,26 +1,25 @@
-//! An image brought to a network's input: scaled, padded, its channels parted and normalised.
+//! Fits an image to a network's input: scaled, padded, split into channels and normalised.
 
 use super::card::{CardInput, ColourOrder, Resize};
 use super::size::Size;
 use stillpoint_imaging::ColourImage;
 
-/// Scales images to a network's input, bilinearly with half-pixel centres and no filter against aliasing: output pixel `i` takes
-/// its value at `(i + 0.5) * size / scaled_size - 0.5`, clamped to the image, and stays unrounded. The crate `image` has no
-/// such resize, since its filters widen when they shrink.
+/// Scales images to a network's input, bilinearly with half-pixel centres and no filter against aliasing: output pixel `i` samples `(i +
+/// 0.5) * size / scaled_size - 0.5`, clamped to the image, and is not rounded. The crate `image` has no such resize, since its filters
+/// widen when they shrink.
 #[derive(Default)]
 pub(super) struct Letterbox {
-    /// What columns, rows and padding are for.
+    /// Image and input size of the columns, rows and padding.
     made_for: Option<(Size, Size)>,
     placement: Placement,
     columns: Vec<Tap>,
     rows: Vec<Tap>,
-    /// One row of the image between two of its rows, interleaved.
+    /// One interpolated image row, interleaved.
     line: Vec<f32>,
-    /// The input's three planes.
     data: Vec<f32>,
 }
 
-/// Where an image lies in a network's input.
+/// Position of an image in a network's input.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Placement {
     /// First column and row of the input that hold the image, px.
@@ -29,7 +28,7 @@ pub(super) struct Placement {
     pub(super) scale: [f64; 2],
 }
 
-/// Between which two source pixels an output pixel lies, and how far from the first, 0 to 1.
+/// The two source pixels around an output pixel, and the weight of the second, 0 to 1.
 #[derive(Clone, Copy)]
 struct Tap {
     low: usize,
@@ -38,8 +37,7 @@ struct Tap {
 }
 
 impl Letterbox {
-    /// The network's input of this size for an image: three planes. The image must have pixels, and the card is the same in all
-    /// calls.
+    /// The network's input of this size for an image: three planes. The image must have pixels, and the card must be the same in all calls.
     pub(super) fn fill(&mut self, image: &ColourImage, card: &CardInput, size: Size) -> &[f32] {
         let source = Size {
             width: image.width(),
@@ -78,7 +76,6 @@ impl Letterbox {
         &self.data
     }
 
-    /// Where the image last filled in lies.
     pub(super) fn placement(&self) -> Placement {
         self.placement
     }
@@ -110,7 +107,6 @@ impl Letterbox {
     }
 }
 
-/// An input that is all padding.
 pub(super) fn plain(card: &CardInput, size: Size) -> Vec<f32> {
     let norm = Norm::of(card);
     let plane = size.width * size.height;
@@ -121,7 +117,7 @@ pub(super) fn plain(card: &CardInput, size: Size) -> Vec<f32> {
         .collect()
 }
 
-/// What becomes of values of 0 to 255, by channel.
+/// Normalisation of values of 0 to 255, by channel.
 struct Norm {
     mean: [f32; 3],
     factor: [f32; 3],
@@ -141,7 +137,7 @@ impl Norm {
     }
 }
 
-/// The size of an image scaled to fit: the tighter side fills the input, the other is rounded down, as YOLOX does, in integers.
+/// Size of an image scaled to fit: the tighter side fills the input, the other is rounded down, as YOLOX does, in integers.
 fn inside(source: Size, size: Size) -> Size {
     if size.width * source.height <= size.height * source.width {
         Size {
@@ -172,8 +168,8 @@ fn taps(size: usize, scaled: usize) -> Vec<Tap> {
         .collect()
 }
 
-/// The pixels of an output row from a row of an image that needs no scaling; the same values as through [`between`] and
-/// [`across`]. A network at the camera's own size would wait longest for its input otherwise.
+/// The pixels of an output row from a row of an unscaled image; equal to [`between`] and [`across`], but faster. Otherwise a network at the
+/// camera's own size would wait longest for its input.
 fn straight<const FIRST: usize, const LAST: usize>(
     row: &[u8],
     norm: &Norm,
@@ -201,8 +197,7 @@ fn between(image: &ColourImage, row: &Tap, line: &mut [f32]) {
     }
 }
 
-/// The pixels of an output row from a line: channel `FIRST` goes into the first plane, green into the second, `LAST` into the
-/// third.
+/// The pixels of an output row from a line: channel `FIRST` goes into the first plane, green into the second, `LAST` into the third.
 fn across<const FIRST: usize, const LAST: usize>(
     line: &[f32],
     columns: &[Tap],
@@ -256,7 +251,7 @@ mod tests {
         assert_eq!(letterbox.placement().scale, [1.0, 1.0]);
     }
 
-    /// The short way of an image that needs no scaling gives what the long way gives.
+    /// The fast path for unscaled images gives the same values.
     #[test]
     fn unscaled_images_have_the_values_of_scaled_ones() {
         let source = image(37, 5, |x, y| [7 * x as u8, 50 * y as u8, (x * y) as u8]);
@@ -294,7 +289,7 @@ mod tests {
         assert_eq!(empty, [56.5, 28.0, 13.875], "padding is normalised too");
     }
 
-    /// A ramp stays a ramp: an output pixel's centre lies at `(i + 0.5) * 2 - 0.5` of the source.
+    /// A ramp stays a ramp: an output pixel's centre is at `(i + 0.5) * 2 - 0.5` of the source.
     #[test]
     fn halving_takes_values_between_pixels() {
         let source = image(16, 8, |x, y| [10 * x as u8, 20 * y as u8, 0]);
@@ -345,7 +340,7 @@ mod tests {
         assert_eq!((rows, placement.scale), (vec![4; 4], [2.0, 1.0]));
     }
 
-    /// The padding of a wide image must not stay in a tall one that follows, nor one input size in the next.
+    /// The padding of a wide image must not remain in a tall one that follows, nor one input size in the next.
     #[test]
     fn images_of_another_size_leave_no_traces() {
         let wide = image(8, 4, |_, _| [9; 3]);
@@ -362,7 +357,6 @@ mod tests {
     }
 
     proptest! {
-        /// Against the definition, pixel by pixel.
         #[test]
         fn every_pixel_is_as_defined(
             (w, h) in (1_usize..20, 1_usize..20),

@@ -1,11 +1,11 @@
-//! Detectors in the ONNX format: models read and checked, run, and kept in the user's cache.
+//! Detectors in the ONNX format: reads, checks and runs models, and keeps them in the user's cache.
 //!
-//! Answers: what a network's numbers mean, whether a file is a detector that can be used, what runs it, and which models are on
-//! this machine. A model card says what a network's numbers mean; the known models have theirs built in. Does not know where
-//! models come from (crate `models`), and no crate of the core imports it: it opens files and loads libraries, so that they do not.
+//! Answers: the meaning of a network's outputs, whether a file is a usable detector, its runtime, and the models on this machine. A model
+//! card gives the meaning of a network's outputs; known models have theirs built in. Does not know the origin of models (crate `models`),
+//! and no core crate imports it: it opens files and loads libraries on their behalf.
 //!
-//! On one machine the same bytes, image and options give the same boxes in every run, whatever else the machine does. A
-//! runtime's kernels are chosen by the CPU's features, so other CPUs may differ in the last digits of a score.
+//! On one machine the same bytes, image and options give the same boxes in every run, whatever the load. A runtime selects its kernels by
+//! the CPU's features, so other CPUs may differ in the last digits of a score.
 
 mod cache;
 mod card;

@@ -1,8 +1,8 @@
-//! Limits on what a model may demand, checked in its file before any runtime reads it. Runtimes trust their input: they multiply
-//! sizes that wrap, walk graphs by recursion, and take what memory an operator asks for.
+//! Limits on a model's demands, checked in its file before any runtime reads it. Runtimes trust their input: they multiply sizes with
+//! overflow, walk graphs by recursion, and allocate whatever an operator requests.
 //!
-//! A graph that computes its sizes can still demand anything: the program that runs it must bound its time and memory, e.g. in a process
-//! of its own.
+//! A graph that computes its sizes can still demand anything: the program that runs it must bound its time and memory, e.g. in a separate
+//! process.
 
 mod tensors;
 
@@ -10,16 +10,16 @@ use crate::wire::{WireError, fields, text};
 use std::collections::{BTreeMap, BTreeSet};
 use tensors::{attribute_integers, tensor};
 
-/// Nodes of all graphs of a file: several times those of large detectors.
+/// Maximum number of nodes of all graphs of a file: several times those of large detectors.
 const MOST_NODES: usize = 16_384;
-/// Nodes one behind the other. Runtimes walk such chains by recursion: `rten` needs some 450 bytes of stack for each, and a thread has two
-/// megabytes. Detectors have some hundred, those with transformers up to a thousand.
+/// Maximum length of a chain of nodes. Runtimes walk such chains by recursion: `rten` needs some 450 bytes of stack for each, and a thread
+/// has two megabytes. Detectors have some hundred, those with transformers up to a thousand.
 const LONGEST_CHAIN: usize = 2500;
-/// Graphs within graphs, by the branches of `If` and the body of `Loop`.
+/// Maximum depth of nested graphs, by the branches of `If` and the body of `Loop`.
 const MOST_DEPTH: usize = 4;
-/// Turns of all loops around a node.
+/// Maximum number of iterations of all loops around a node.
 const MOST_TURNS: i64 = 1000;
-/// Numbers of what one operator makes, where the file says how many: 1 GB of them.
+/// Maximum number of values of one operator's output, if the file declares it: 1 GB of them.
 const MOST_NUMBERS: u128 = 1 << 28;
 
 /// Fields of `ModelProto`, `GraphProto`, `NodeProto`, `AttributeProto` and `TensorProto`.
@@ -49,7 +49,7 @@ mod field {
 /// Checks all graphs of a model.
 ///
 /// # Errors
-/// What it asks for, in words.
+/// The excessive demand, in words.
 pub(super) fn check(model: &[u8]) -> Result<(), String> {
     let mut walk = Walk { nodes: 0 };
     for field in fields(model) {
@@ -65,7 +65,7 @@ pub(super) fn check(model: &[u8]) -> Result<(), String> {
                     },
                 )?;
             }
-            // They may call each other, each twice the next: thirty make a thousand million nodes.
+            // Functions may call each other, each twice the next: thirty make a thousand million nodes.
             (field::FUNCTION, Some(_)) => {
                 return Err(
                     "functions of the model's own; export it with functions inlined".into(),
@@ -84,19 +84,16 @@ fn damaged(e: WireError) -> String {
     e.to_string()
 }
 
-/// What a graph knows, and what is around it.
+/// State of a graph, and its enclosing graph.
 #[derive(Default)]
 struct Scope<'a, 's> {
     depth: usize,
-    /// Turns of all loops around it.
     turns: i64,
-    /// Small constants of integers by name.
     constants: BTreeMap<&'a str, Vec<i64>>,
-    /// How long the chain is that leads to each value that a node makes.
+    /// Length of the chain to each value of a node.
     chains: BTreeMap<&'a str, usize>,
-    /// How long the one is that leads to the node that it is in.
+    /// Length of the chain to the node that contains this graph.
     begins: usize,
-    /// The graph that it is in.
     outer: Option<&'s Scope<'a, 's>>,
 }
 
@@ -134,7 +131,7 @@ impl Walk {
             let field = field.map_err(damaged)?;
             if let (field::NODE, Some(node)) = (field.number, field.value.bytes()) {
                 let node = Node::read(node)?;
-                // The format has nodes behind those whose outputs they take; in another order the length of a chain is not known.
+                // The format orders nodes after their inputs; otherwise the length of a chain is unknown.
                 if node.inputs.iter().any(|name| awaited.contains(name)) {
                     return Err("nodes in front of those whose outputs they take".to_owned());
                 }
@@ -192,7 +189,7 @@ impl Walk {
     }
 }
 
-/// Names of all that the nodes of a graph make.
+/// Names of all outputs of a graph's nodes.
 fn outputs(graph: &[u8]) -> Result<BTreeSet<&str>, String> {
     let mut names = BTreeSet::new();
     for field in fields(graph) {
@@ -209,7 +206,7 @@ fn sparse() -> String {
 }
 
 impl<'a> Scope<'a, '_> {
-    /// How long the longest chain is that leads to a node.
+    /// Length of the longest chain to a node.
     fn chain_to(&self, node: &Node<'a>) -> usize {
         let of = |name: &&str| {
             let mut scope = Some(self);
@@ -231,7 +228,6 @@ impl<'a> Scope<'a, '_> {
         }
     }
 
-    /// The output of a `Constant`.
     fn learn_constant(&mut self, node: &'a [u8]) -> Result<(), String> {
         if text(node, field::OPERATOR).map_err(damaged)? != Some("Constant") {
             return Ok(());
@@ -259,11 +255,9 @@ impl<'a> Scope<'a, '_> {
     }
 }
 
-/// A node as far as it is asked for.
 struct Node<'a> {
     operator: &'a str,
     inputs: Vec<&'a str>,
-    /// Those that have a name.
     outputs: Vec<&'a str>,
     attributes: Vec<&'a [u8]>,
 }
@@ -291,7 +285,7 @@ impl<'a> Node<'a> {
         Ok(read)
     }
 
-    /// The integers that go into an input, where the file says them.
+    /// The integers of an input, if the file contains them.
     fn constant<'s>(&self, input: usize, scope: &'s Scope<'a, '_>) -> Option<&'s [i64]> {
         let name = self.inputs.get(input)?;
         let mut scope = Some(scope);
@@ -307,7 +301,7 @@ impl<'a> Node<'a> {
         None
     }
 
-    /// How often the graphs in it are run: what a loop is told, and more than any may be where that is not stated.
+    /// Number of iterations of its subgraphs: a loop's trip count, and more than the limit if that is unknown.
     fn turns(&self, scope: &Scope<'a, '_>) -> i64 {
         if self.operator != "Loop" {
             return 1;
@@ -318,7 +312,7 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// Holds the size of what the operator makes, where the file says it, against the limit.
+    /// Checks the size of the operator's output, if the file declares it, against the limit.
     fn check_size(&self, scope: &Scope<'a, '_>) -> Result<(), String> {
         let product = |shape: &[i64]| {
             let sizes = shape.iter().map(|&n| u128::from(n.max(1).unsigned_abs()));
@@ -331,7 +325,7 @@ impl<'a> Node<'a> {
             "TopK" => input(1).map(product),
             "OneHot" => input(1).map(product),
             "Resize" => input(3).map(product),
-            // In front of and behind each axis.
+            // Before and after each axis.
             "Pad" => input(1)
                 .map(|pads| product(&pads.iter().map(|p| p.saturating_add(1)).collect::<Vec<_>>())),
             "Range" => match (input(0), input(1), input(2)) {

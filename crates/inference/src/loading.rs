@@ -1,5 +1,5 @@
-//! From a model's bytes to a network whose outputs are understood: it is run once on an image without anything in it, so that
-//! one that does not fit its card is refused here and not at the first frame.
+//! Loads a model's bytes into a network with known outputs: it is run once on a blank image, so that one that contradicts its card is
+//! refused here and not at the first frame.
 
 use super::card::{Head, ModelCard, fits};
 use super::error::ModelError;
@@ -12,23 +12,21 @@ use super::runtime::{Runtime, Tensor};
 use super::size::Size;
 use super::{InputSize, OnnxOptions};
 
-/// Size of the input of a model that leaves it free, where its card says none: what most detectors are trained at.
+/// Input size of a model that leaves it free, if its card has none: the training size of most detectors.
 const USUAL: Size = Size {
     width: 640,
     height: 640,
 };
 
-/// A network with what its numbers mean.
 pub(super) struct Loaded {
     pub(super) network: Network,
     pub(super) card: ModelCard,
     /// The model's own size, or the card's.
     pub(super) own: Size,
-    /// The size at which it was tried.
     pub(super) size: Size,
 }
 
-/// The network did not answer as it should.
+/// Error: the network failed, or its outputs are wrong.
 pub(super) enum Failure {
     Runtime(String),
     Output(Mismatch),
@@ -45,7 +43,6 @@ impl std::fmt::Display for Failure {
     }
 }
 
-/// Loads a model. Without a card it has to be a known one.
 pub(super) fn load(
     bytes: Vec<u8>,
     name: &str,
@@ -112,10 +109,8 @@ pub(super) fn load(
     })
 }
 
-/// What to do with a card that is not right.
 const REMEDY: &str = "correct the card beside the model";
 
-/// The size that an image gets if nothing else is asked for.
 fn own_size(network: &Network, name: &str, card: Option<&ModelCard>) -> Result<Size, ModelError> {
     let stated = card.and_then(|c| c.input.size);
     let stated = stated.map(|[width, height]| Size { width, height });
@@ -135,7 +130,7 @@ fn own_size(network: &Network, name: &str, card: Option<&ModelCard>) -> Result<S
     }
 }
 
-/// The built-in card of a known model, recognised by what its file says or else by what comes out of it.
+/// The built-in card of a known model, recognised by its file or else by its outputs.
 fn identify(network: &mut Network, name: &str, own: Size) -> Result<ModelCard, ModelError> {
     if let Some(card) = ModelCard::known(network.interface()) {
         return Ok(card);
@@ -149,7 +144,6 @@ fn identify(network: &mut Network, name: &str, own: Size) -> Result<ModelCard, M
         .ok_or_else(|| unknown(name, network, own, &outputs))
 }
 
-/// The size at which the network is tried.
 fn first_size(
     name: &str,
     card: &ModelCard,
@@ -186,7 +180,6 @@ fn first_size(
     })
 }
 
-/// Loads the network at its own size.
 fn start(network: &mut Network, name: &str, size: Size) -> Result<(), ModelError> {
     network.prepare(size).map_err(|reason| ModelError::Load {
         name: name.to_owned(),
@@ -194,7 +187,7 @@ fn start(network: &mut Network, name: &str, size: Size) -> Result<(), ModelError
     })
 }
 
-/// The given card, if the numbers look as it says.
+/// The given card, if the outputs agree with it.
 fn agreed(
     name: &str,
     card: &ModelCard,
@@ -228,7 +221,7 @@ fn agreed(
     Ok(card.clone())
 }
 
-/// Runs the network on an image without anything in it at another size than its own.
+/// Runs the network on a blank image at another size than its own.
 ///
 /// # Errors
 /// [`Failure`] of a graph that does not allow the size.
@@ -243,7 +236,7 @@ pub(super) fn attempt(network: &mut Network, card: &ModelCard, size: Size) -> Re
     boxes.map(|_| ()).map_err(Failure::Output)
 }
 
-/// Runs the network on an input and reads the boxes whose score reaches the threshold.
+/// Runs the network on an input and decodes the boxes whose score reaches the threshold.
 pub(super) fn look(
     network: &mut Network,
     card: &ModelCard,
@@ -274,8 +267,7 @@ fn in_cells(card: &ModelCard, size: Size, outputs: &[Tensor]) -> Result<(), Fail
     }))
 }
 
-/// Refuses outputs that hold what is no number: no score of theirs reaches any threshold, so that nothing would be found, for ever and
-/// without a word.
+/// Refuses outputs with NaN: their scores reach no threshold, so the detector would silently find nothing.
 fn numbers(outputs: &[Tensor]) -> Result<(), Mismatch> {
     let of = |t: &Tensor| t.data.iter().filter(|v| v.is_nan()).count();
     let found = outputs.iter().map(of).enumerate().find(|(_, n)| *n > 0);
@@ -311,7 +303,7 @@ fn unknown(name: &str, network: &Network, size: Size, outputs: &[Tensor]) -> Mod
     ModelError::interface(name, &interface, are_raw_maps(size, outputs))
 }
 
-/// Refuses boxes that are not in px or shares of the input, as their head expects: nothing would be found in them.
+/// Refuses boxes in another unit (px or fractions of the input) than their head expects: nothing would be detected.
 fn in_place(
     name: &str,
     card: &ModelCard,

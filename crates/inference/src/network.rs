@@ -1,4 +1,4 @@
-//! A model that is loaded and ready to run, at any input size that its graph allows.
+//! A model, loaded and ready to run at any input size that its graph allows.
 
 use super::card::CardInput;
 use super::error::ModelError;
@@ -9,30 +9,27 @@ use super::runtime::{self, Runtime, Session, Tensor};
 use super::size::Size;
 use super::{container, graph, limits};
 
-/// Sizes at which a network is kept ready. Pictures of a folder often have two, upright and lying; each holds all weights.
+/// Number of sizes for which a network is kept ready. Images of a folder often have two, portrait and landscape; each holds all weights.
 const KEPT: usize = 2;
 
-/// The model's file with what it takes to run it.
 pub(super) struct Network {
     model: Vec<u8>,
     interface: Interface,
-    /// Name of the input that takes the image.
     input: String,
-    /// Name of the input that takes the size to which the network brings its boxes, if it has one.
+    /// Name of the input for the size to which the network scales its boxes, if any.
     target: Option<String>,
-    /// Of the input, if the file says it.
+    /// Declared size of the input, if any.
     pub(super) own: Option<Size>,
     runtime: Runtime,
     threads: usize,
-    /// The last used one first.
     sessions: Vec<(Size, Box<dyn Session>)>,
 }
 
 impl Network {
-    /// Reads what a model takes. It is loaded by the first run.
+    /// Reads a model's interface. The first run loads it.
     ///
     /// # Errors
-    /// [`ModelError`] for bytes that are no model and for models that do not take one image.
+    /// [`ModelError`] for invalid bytes and for models that do not take one image.
     pub(super) fn open(
         model: Vec<u8>,
         name: &str,
@@ -69,10 +66,10 @@ impl Network {
         })
     }
 
-    /// Makes it ready to run at this size, which may take as long as ten runs.
+    /// Prepares it for this size, which may take as long as ten runs.
     ///
     /// # Errors
-    /// What the runtime said, on one line.
+    /// Error of the runtime, on one line.
     pub(super) fn prepare(&mut self, size: Size) -> Result<(), String> {
         if let Some(place) = self.sessions.iter().position(|(s, _)| *s == size) {
             self.sessions[..=place].rotate_right(1);
@@ -87,7 +84,6 @@ impl Network {
         Ok(())
     }
 
-    /// Gives up being ready at this size.
     pub(super) fn forget(&mut self, size: Size) {
         self.sessions.retain(|(s, _)| *s != size);
     }
@@ -95,7 +91,7 @@ impl Network {
     /// Runs it on the three planes of an input of this size.
     ///
     /// # Errors
-    /// What the runtime said, on one line.
+    /// Error of the runtime, on one line.
     pub(super) fn run(&mut self, planes: &[f32], size: Size) -> Result<Vec<Tensor>, String> {
         self.prepare(size)?;
         let Some((_, session)) = self.sessions.first_mut() else {
@@ -108,10 +104,10 @@ impl Network {
         Ok(outputs)
     }
 
-    /// Runs it on an image without anything in it.
+    /// Runs it on a blank image.
     ///
     /// # Errors
-    /// What the runtime said, on one line.
+    /// Error of the runtime, on one line.
     pub(super) fn run_plain(
         &mut self,
         card: &CardInput,
@@ -120,12 +116,10 @@ impl Network {
         self.run(&plain(card, size), size)
     }
 
-    /// What it takes and gives, as its file says.
     pub(super) fn interface(&self) -> &Interface {
         &self.interface
     }
 
-    /// The runtime with its version.
     pub(super) fn runtime(&self) -> Option<&str> {
         self.sessions.first().map(|(_, session)| session.runtime())
     }

@@ -1,4 +1,4 @@
-//! Sizes of a network's input, and which one an image gets.
+//! Input sizes of a network, and their choice for an image.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,18 +15,17 @@ impl std::fmt::Display for Size {
     }
 }
 
-/// The size at which a network is run.
+/// Selects the input size of a network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum InputSize {
     /// The model's own.
     Model,
-    /// As long as the model's longer side, and as wide as the image's aspect asks for: padding a 4:3 image to a square costs a
-    /// quarter of the work. The model's own where its graph allows no other.
+    /// The model's longer side, and the other side by the image's aspect: padding a 4:3 image to a square costs a quarter of the work. The
+    /// model's own size if its graph allows no other.
     #[default]
     Fit,
-    /// This one, px. Sides are multiples of the head's coarsest stride (32 for most); a graph that allows no other size than its
-    /// own is refused.
+    /// This one, px. Sides are multiples of the head's coarsest stride (32 for most); a graph that allows only its own size is refused.
     Fixed {
         /// Width, px.
         width: usize,
@@ -35,8 +34,8 @@ pub enum InputSize {
     },
 }
 
-/// The input for an image of `width` x `height`: its longer side as the model's, the other one as the aspect asks, rounded up to
-/// a multiple of `alignment`.
+/// The input for an image of `width` x `height`: its longer side as the model's, the other one by the aspect, rounded up to a multiple of
+/// `alignment`.
 pub(super) fn fitted(own: Size, width: usize, height: usize, alignment: usize) -> Size {
     let longest = own.width.max(own.height);
     let shorter = |short: usize, long: usize| {

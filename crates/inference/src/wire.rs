@@ -1,14 +1,14 @@
-//! The wire format of Protocol Buffers, as far as ONNX files need it: fields are read in place, and messages are put together
-//! field by field. A library generated from ONNX's schema would lose the fields it does not know when a model is written back.
+//! The wire format of Protocol Buffers, as far as ONNX files need it: fields are read in place, and messages are built field by field. A
+//! library generated from ONNX's schema would lose unknown fields when a model is written back.
 
 /// One field of a message, borrowed from its bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field<'a> {
-    /// Number of the field in its message's schema.
+    /// Field number in the schema.
     pub number: u64,
     /// Its value.
     pub value: Value<'a>,
-    /// The whole field with its tag, as it stands in the message.
+    /// The encoded field with its tag.
     pub raw: &'a [u8],
 }
 
@@ -51,34 +51,34 @@ impl<'a> Value<'a> {
     }
 }
 
-/// Where a message is damaged.
+/// Error: a message is damaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
-    /// A field reaches beyond the message.
+    /// A field extends beyond the message.
     #[error("a field at byte {at} that does not end within its {length} bytes")]
     Cut {
-        /// Where the field begins in the message.
+        /// Offset of the field.
         at: usize,
         /// Length of the message.
         length: usize,
     },
-    /// The tag is of no sort that the format has.
+    /// An unknown wire type.
     #[error("no field of Protocol Buffers at byte {at}")]
     Tag {
-        /// Where the field begins in the message.
+        /// Offset of the field.
         at: usize,
     },
-    /// There are more of something than any network has.
+    /// Too many items.
     #[error("over {most} {what}")]
     Many {
-        /// Of what.
+        /// Kind of the items.
         what: &'static str,
-        /// How many are read.
+        /// The limit.
         most: usize,
     },
 }
 
-/// The fields of a message, in their order. Ends after the first error.
+/// The fields of a message, in order. Ends after the first error.
 pub fn fields(message: &[u8]) -> impl Iterator<Item = Result<Field<'_>, WireError>> {
     let mut rest = message;
     std::iter::from_fn(move || {
@@ -106,7 +106,7 @@ pub fn fields(message: &[u8]) -> impl Iterator<Item = Result<Field<'_>, WireErro
 /// The last text with this number in a message.
 ///
 /// # Errors
-/// Damaged fields on the way there.
+/// Damaged fields before its end.
 pub fn text(message: &[u8], number: u64) -> Result<Option<&str>, WireError> {
     let mut found = None;
     for field in fields(message) {
@@ -118,7 +118,7 @@ pub fn text(message: &[u8], number: u64) -> Result<Option<&str>, WireError> {
     Ok(found)
 }
 
-/// Packed integers; `None` when the last one is cut.
+/// Packed integers; `None` if the last one is truncated.
 #[must_use]
 pub fn varints(packed: &[u8]) -> Option<Vec<u64>> {
     let (mut rest, mut values) = (packed, Vec::new());
@@ -128,7 +128,6 @@ pub fn varints(packed: &[u8]) -> Option<Vec<u64>> {
     Some(values)
 }
 
-/// Takes a field off the front.
 fn take<'a>(rest: &mut &'a [u8], at: usize, cut: WireError) -> Result<(u64, Value<'a>), WireError> {
     let tag = varint(rest).ok_or(cut)?;
     let value = match tag & 7 {
@@ -153,7 +152,7 @@ fn array<const N: usize>(rest: &mut &[u8]) -> Option<[u8; N]> {
     Some(*bytes)
 }
 
-/// Takes a number of seven bits per byte off the front; `None` when it does not end within ten bytes.
+/// Splits off a varint; `None` if it does not end within ten bytes.
 fn varint(rest: &mut &[u8]) -> Option<u64> {
     let mut value = 0;
     for (i, &byte) in rest.iter().take(10).enumerate() {
@@ -166,7 +165,7 @@ fn varint(rest: &mut &[u8]) -> Option<u64> {
     None
 }
 
-/// A message that is put together field by field.
+/// A message, built field by field.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Message {
     bytes: Vec<u8>,
@@ -179,7 +178,7 @@ impl Message {
         Self::default()
     }
 
-    /// With an integer, boolean or enumeration more. Negative ones are given in two's complement (`-1_i64 as u64`).
+    /// Adds an integer, boolean or enumeration. Negative ones are given in two's complement (`-1_i64 as u64`).
     #[must_use]
     pub fn integer(mut self, number: u64, value: u64) -> Self {
         self.varint(number << 3);
@@ -187,7 +186,7 @@ impl Message {
         self
     }
 
-    /// With a 32-bit float more.
+    /// Adds a 32-bit float.
     #[must_use]
     pub fn float(mut self, number: u64, value: f32) -> Self {
         self.varint(number << 3 | 5);
@@ -195,7 +194,7 @@ impl Message {
         self
     }
 
-    /// With text, bytes or packed numbers more.
+    /// Adds text, bytes or packed numbers.
     #[must_use]
     pub fn field(mut self, number: u64, value: impl AsRef<[u8]>) -> Self {
         let value = value.as_ref();
@@ -205,13 +204,13 @@ impl Message {
         self
     }
 
-    /// With a message more.
+    /// Adds a message.
     #[must_use]
     pub fn message(self, number: u64, value: &Self) -> Self {
         self.field(number, &value.bytes)
     }
 
-    /// With a field as it stood in another message.
+    /// Adds a field of another message unchanged.
     #[must_use]
     pub fn raw(mut self, field: &Field<'_>) -> Self {
         self.bytes.extend_from_slice(field.raw);
@@ -283,7 +282,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the bytes, reading ends, and what was read lies in them end to end.
+        /// Reading terminates for any bytes, and the fields are contiguous.
         #[test]
         fn any_bytes_are_read_to_their_end(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
             let read: Vec<_> = fields(&bytes).collect();
@@ -292,7 +291,7 @@ mod tests {
             prop_assert!(length == bytes.len() || read.last().is_some_and(Result::is_err));
         }
 
-        /// A message that is cut within a field is noticed.
+        /// Truncation within a field is detected.
         #[test]
         fn cuts_are_noticed(keep in 0_usize..100) {
             let bytes = sample();

@@ -1,4 +1,4 @@
-//! The cache: what is put there is found again, and what is damaged or foreign is reported.
+//! The cache: installed models are found, and damaged or foreign files are reported.
 
 use stillpoint_inference::{Cache, CacheError, LARGEST, Record, State, check_name, sha256_hex};
 
@@ -63,7 +63,7 @@ fn what_is_installed_is_found() {
     assert!(record.installed.unwrap().ends_with('Z'));
     assert!(cache.strays().unwrap().is_empty());
 
-    // Another of the same name replaces all of it, the card that it does not have included.
+    // A new one of the same name replaces all files; its missing card removes the old card.
     install(&cache, "net", b"other");
     let other = cache.find("net").unwrap().unwrap();
     assert_eq!(
@@ -134,14 +134,14 @@ fn damage_is_reported() {
     std::fs::remove_file(cache.onnx_path("net")).unwrap();
     std::fs::create_dir(cache.onnx_path("net")).unwrap();
     assert!(damage(&cache, "net").contains("not a file"));
-    // A link to nowhere.
+    // A dangling link.
     #[cfg(unix)]
     {
         std::fs::remove_dir(cache.onnx_path("net")).unwrap();
         std::os::unix::fs::symlink("/no/such.onnx", cache.onnx_path("net")).unwrap();
         assert!(damage(&cache, "net").contains("check that it exists"));
     }
-    // One that is damaged does not hide the others.
+    // A damaged model does not hide the others.
     assert_eq!(names(&cache), ["good", "net"]);
     assert_eq!(cache.find("good").unwrap().unwrap().state, State::Good);
 }
@@ -168,7 +168,7 @@ fn files_put_there_by_hand_are_models() {
     assert_eq!(own.read().unwrap(), b"own");
     assert_eq!(own.card_text().unwrap().as_deref(), Some("card"));
 
-    // No larger than a model can be: sparse, so that the disk does not hold it.
+    // Above the size limit; sparse, so that it takes no disk space.
     let file = std::fs::File::create(cache.onnx_path("huge")).unwrap();
     file.set_len(LARGEST + 1).unwrap();
     assert!(damage(&cache, "huge").contains("536870913"));
@@ -237,7 +237,7 @@ fn named_ones_come_first_and_then_the_alphabet() {
         install(&cache, name, name.as_bytes());
         assert_eq!(preferred(&cache), first);
     }
-    // A damaged one is not passed over without a word.
+    // A damaged one is not skipped silently.
     std::fs::write(cache.onnx_path("yolov7-tiny"), b"damaged").unwrap();
     let model = cache.preferred(order).unwrap().unwrap();
     assert_eq!(model.name, "yolov7-tiny");
@@ -269,7 +269,7 @@ fn what_is_in_the_way_is_reported() {
     );
 }
 
-/// The superuser may write everywhere, so that there is nothing to see for it.
+/// The superuser may write everywhere, so the test does nothing for it.
 #[cfg(unix)]
 #[test]
 fn a_folder_that_cannot_be_written_is_reported() {

@@ -1,4 +1,4 @@
-//! Cards that are right or not for a model, and models that suppress overlaps themselves, on small graphs made by hand.
+//! Right and wrong cards, and models with built-in suppression, on small graphs made by hand.
 
 use crate::common::{Graph, STRIDES, anchors, coloured, conv, flat, maps, options, with_card};
 use stillpoint_detection::{ClassId, Detection};
@@ -40,7 +40,7 @@ fn cards_that_contradict_the_model_are_refused() {
     assert!(with_card(&model, &base, InputSize::Fit).is_ok());
 }
 
-/// Classes that the card leaves out are not seen; the others have the names that it gives them.
+/// Classes that the card omits are not detected; the others have the card's names.
 #[test]
 fn the_card_names_the_classes() {
     let depth = 3 * 7;
@@ -81,7 +81,7 @@ fn the_card_names_the_classes() {
     assert!(0 < together && together < apart, "{together}, {apart}");
 }
 
-/// A classifier of six or seven classes is no table of one box.
+/// A classifier of six or seven classes is not a table of one box.
 #[test]
 fn classifiers_are_not_taken_for_detectors() {
     for columns in [6, 7] {
@@ -91,7 +91,7 @@ fn classifiers_are_not_taken_for_detectors() {
     }
 }
 
-/// A table whose rows do not depend on the image, as suppression inside a network would give it for an input of 64 x 64.
+/// A constant table, as built-in suppression would give for an input of 64 x 64.
 fn end_to_end(columns: usize, table: &[f32]) -> Vec<u8> {
     Graph::new(&[1, 3, 64, 64])
         .floats("zero", &[1, 3, 1, 1], &[0.0; 3])
@@ -111,8 +111,8 @@ fn boxes_of_an_end_to_end_model_are_brought_to_the_image() {
         7,
         &[
             0.0, 8.0, 20.0, 16.0, 40.0, 56.0, 0.5, // a chair
-            0.0, 8.0, 20.0, 16.0, 40.0, 0.0, 0.9, // a person at its place
-            0.0, 8.0, 20.0, 16.0, 41.0, 0.0, 0.8, // another one, which the model left in
+            0.0, 8.0, 20.0, 16.0, 40.0, 0.0, 0.9, // a person at the same place
+            0.0, 8.0, 20.0, 16.0, 41.0, 0.0, 0.8, // a duplicate that the model kept
             0.0, 8.0, 0.0, 16.0, 15.0, 0.0, 0.9, // in the padding
         ],
     );

@@ -1,5 +1,5 @@
-//! What the tests of networks share: shared files where there are any, and small graphs made by hand.
-// A test may look for its files; the crate may not.
+//! Shared by the tests of networks: shared files, if available, and small graphs made by hand.
+// Tests may search for files; the crate may not.
 #![allow(clippy::disallowed_methods)]
 
 use std::path::{Path, PathBuf};
@@ -9,16 +9,15 @@ use stillpoint_inference::{
     Head, InputSize, ModelCard, ModelError, OnnxDetector, OnnxOptions, Runtime,
 };
 
-/// A file beside the data sets, if it is there.
+/// A file beside the data sets, if it exists.
 pub(crate) fn shared(file: &str) -> Option<PathBuf> {
     stillpoint_testdata::beside(file)
 }
 
-/// The pixels of an image file.
 pub(crate) fn decode(path: &Path) -> ColourImage {
     let decoded = image::open(path).unwrap().to_rgb8();
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
-    // The reference reads these: JPEG decoders differ in the last bits.
+    // The files that the reference reads: JPEG decoders differ in the last bits.
     if let Some(folder) = std::env::var_os("STILLPOINT_PIXELS") {
         let name = Path::new(path.file_name().unwrap()).with_extension("png");
         decoded.save(Path::new(&folder).join(name)).unwrap();
@@ -26,19 +25,18 @@ pub(crate) fn decode(path: &Path) -> ColourImage {
     ColourImage::from_vec(width, height, decoded.into_raw()).unwrap()
 }
 
-/// An image of one colour.
 pub(crate) fn flat(width: usize, height: usize, value: u8) -> ColourImage {
     ColourImage::from_vec(width, height, vec![value; 3 * width * height]).unwrap()
 }
 
-/// A graph in the making: ONNX by hand.
+/// Builds an ONNX graph by hand.
 #[derive(Default)]
 pub(crate) struct Graph {
     fields: Message,
 }
 
 impl Graph {
-    /// With an image input of this shape; zero stands for a size that is left free.
+    /// With an image input of this shape; zero denotes a free size.
     pub(crate) fn new(shape: &[usize]) -> Self {
         Self {
             fields: Message::new()
@@ -47,7 +45,7 @@ impl Graph {
         }
     }
 
-    /// With a node; attributes are whole messages.
+    /// Adds a node; attributes are whole messages.
     pub(crate) fn node(
         mut self,
         operator: &str,
@@ -63,14 +61,12 @@ impl Graph {
         self
     }
 
-    /// With a tensor of floats.
     pub(crate) fn floats(mut self, name: &str, shape: &[usize], data: &[f32]) -> Self {
         let bytes: Vec<u8> = data.iter().flat_map(|v| v.to_le_bytes()).collect();
         self.fields = self.fields.message(5, &tensor(name, shape, 1, &bytes));
         self
     }
 
-    /// With a row of integers.
     pub(crate) fn integers(mut self, name: &str, data: &[i64]) -> Self {
         let bytes: Vec<u8> = data.iter().flat_map(|v| v.to_le_bytes()).collect();
         self.fields = self
@@ -79,31 +75,30 @@ impl Graph {
         self
     }
 
-    /// With an output; no shape is said if `None`.
+    /// Adds an output; `None` leaves the shape undeclared.
     pub(crate) fn output(mut self, name: &str, shape: Option<&[usize]>) -> Self {
         self.fields = self.fields.message(12, &port(name, shape));
         self
     }
 
-    /// With an input more, as old exporters list their weights.
+    /// Adds an input, as old exporters list their weights.
     pub(crate) fn input(mut self, name: &str, shape: &[usize]) -> Self {
         self.fields = self.fields.message(11, &port(name, Some(shape)));
         self
     }
 
-    /// With an input of integers of 64 bits, in rows.
+    /// Adds a two-dimensional input of 64-bit integers.
     pub(crate) fn integer_input(mut self, name: &str, shape: &[usize]) -> Self {
         self.fields = self.fields.message(11, &typed(name, Some(shape), 7));
         self
     }
 
-    /// With an output of integers of 64 bits, in rows.
+    /// Adds a two-dimensional output of 64-bit integers.
     pub(crate) fn integer_output(mut self, name: &str, shape: &[usize]) -> Self {
         self.fields = self.fields.message(12, &typed(name, Some(shape), 7));
         self
     }
 
-    /// The file.
     pub(crate) fn model(self) -> Vec<u8> {
         Message::new()
             .integer(1, 8)
@@ -113,7 +108,6 @@ impl Graph {
     }
 }
 
-/// An attribute of integers.
 pub(crate) fn ints(name: &str, values: &[i64]) -> Message {
     let attribute = Message::new().field(1, name);
     let attribute = values
@@ -122,7 +116,7 @@ pub(crate) fn ints(name: &str, values: &[i64]) -> Message {
     attribute.integer(20, 7)
 }
 
-/// The attributes of a convolution of one pixel.
+/// Attributes of a 1 x 1 convolution.
 pub(crate) fn conv(stride: usize) -> [Message; 4] {
     [
         ints("kernel_shape", &[1, 1]),
@@ -132,7 +126,6 @@ pub(crate) fn conv(stride: usize) -> [Message; 4] {
     ]
 }
 
-/// An attribute of one integer.
 pub(crate) fn int(name: &str, value: i64) -> Message {
     Message::new()
         .field(1, name)
@@ -153,7 +146,7 @@ fn port(name: &str, shape: Option<&[usize]>) -> Message {
     typed(name, shape, 1)
 }
 
-/// An input or output of this type of numbers.
+/// An input or output of this element type.
 fn typed(name: &str, shape: Option<&[usize]>, element: u64) -> Message {
     let mut kind = Message::new().integer(1, element);
     if let Some(shape) = shape {
@@ -173,10 +166,9 @@ fn typed(name: &str, shape: Option<&[usize]>, element: u64) -> Message {
         .message(2, &Message::new().message(1, &kind))
 }
 
-/// Cells of the maps, px.
 pub(crate) const STRIDES: [usize; 3] = [8, 16, 32];
 
-/// Numbers from -1 to 1 that look random.
+/// Pseudo-random numbers from -1 to 1.
 pub(crate) fn noise(count: usize, seed: u64) -> Vec<f32> {
     let mut state = seed;
     let mut next = || {
@@ -188,7 +180,7 @@ pub(crate) fn noise(count: usize, seed: u64) -> Vec<f32> {
     (0..count).map(|_| next()).collect()
 }
 
-/// The weights of the convolution of a map: `depth` x 3, and `depth` offsets.
+/// Weights of a map's convolution: `depth` x 3, and `depth` offsets.
 pub(crate) fn weights(depth: usize, stride: usize) -> (Vec<f32>, Vec<f32>) {
     let scaled = |values: Vec<f32>| values.into_iter().map(|v| 1.5 * v).collect();
     let seed = stride as u64;
@@ -198,8 +190,8 @@ pub(crate) fn weights(depth: usize, stride: usize) -> (Vec<f32>, Vec<f32>) {
     )
 }
 
-/// One convolution of one pixel per map: every eighth, sixteenth and thirty-second pixel of the image, with random weights. The
-/// outputs are called `map8` and so on; the weights are listed among the inputs, as old exporters do.
+/// One 1 x 1 convolution per map: every eighth, sixteenth and thirty-second pixel of the image, with random weights. The outputs are called
+/// `map8` and so on; the weights are listed among the inputs, as old exporters do.
 pub(crate) fn maps(shape: &[usize], depth: usize) -> Graph {
     STRIDES.iter().fold(Graph::new(shape), |graph, &stride| {
         let (w, b) = weights(depth, stride);
@@ -225,7 +217,6 @@ pub(crate) fn anchors(shape: &[usize]) -> Vec<u8> {
         .model()
 }
 
-/// Options by which nothing is suppressed.
 pub(crate) fn options(input: InputSize) -> OnnxOptions {
     OnnxOptions {
         iou_threshold: 1.0,
@@ -235,7 +226,6 @@ pub(crate) fn options(input: InputSize) -> OnnxOptions {
     }
 }
 
-/// A known model in its detector.
 pub(crate) fn detector(model: &[u8], input: InputSize) -> OnnxDetector {
     OnnxDetector::from_bytes(model.to_vec(), "m.onnx", &options(input)).unwrap()
 }
@@ -245,7 +235,6 @@ pub(crate) fn yolov7(model: &[u8], input: InputSize) -> OnnxDetector {
     with_card(model, &ModelCard::new(Head::YoloAnchors), input).unwrap()
 }
 
-/// A model with its card.
 pub(crate) fn with_card(
     model: &[u8],
     card: &ModelCard,
@@ -261,7 +250,6 @@ pub(crate) fn with_card(
     )
 }
 
-/// An image of random colours.
 pub(crate) fn coloured(width: usize, height: usize) -> ColourImage {
     let data = noise(3 * width * height, 99)
         .iter()

@@ -1,4 +1,4 @@
-//! Networks: that they are repeatable, and what is refused.
+//! Networks: repeatability and refusals.
 
 use crate::common::{Graph, conv, decode, flat, shared};
 use std::path::Path;
@@ -72,14 +72,14 @@ fn a_frame_is_distinguished_from_one_that_cannot_be_used() {
         "{error}"
     );
     assert!(detector.detect(&frame(Some(grey(0, 0)), 0, 0)).is_err());
-    // From one pixel to a sliver, every size works.
+    // Every size works, from one pixel to a sliver.
     for (w, h) in [(1, 1), (1, 2000), (2000, 1), (64, 48), (417, 415)] {
         let found = detector.detect(&frame(Some(grey(w, h)), w, h)).unwrap();
         assert_eq!((found.frame, found.stamp), (FrameId(7), 1.5));
     }
 }
 
-/// What is printed about a model that nobody knows: what it has, what heads expect, and what to do.
+/// The message about an unknown model: its interface, the heads' expectations, and the remedy.
 #[test]
 fn other_models_are_refused_with_what_they_have() {
     let mut graph = Graph::new(&[1, 3, 64, 64])
@@ -115,7 +115,7 @@ fn other_models_are_refused_with_what_they_have() {
         "{text}"
     );
 
-    // What takes no images is not even loaded.
+    // Models that take no images are not even loaded.
     for shape in [&[1_usize, 1, 64, 64][..], &[1, 3, 64], &[4, 3, 64, 64]] {
         let model = Graph::new(shape)
             .node("Relu", &["images"], &["y"], &[])

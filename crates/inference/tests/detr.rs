@@ -1,5 +1,5 @@
-//! Queries with boxes and scores (RT-DETR, D-FINE, DEIM, RF-DETR) on small graphs made by hand, run by the runtimes there are and held
-//! against an own reference in double precision.
+//! Queries with boxes and scores (RT-DETR, D-FINE, DEIM, RF-DETR) on small graphs made by hand, run by all available runtimes and compared
+//! with an independent reference in double precision.
 
 use crate::common::{Graph, coloured, conv, int, ints, options, weights, with_card};
 use stillpoint_detection::{ClassId, Detection, Detector};
@@ -12,14 +12,14 @@ const HEIGHT: usize = 48;
 const STRIDE: usize = 16;
 const QUERIES: usize = (WIDTH / STRIDE) * (HEIGHT / STRIDE);
 
-/// Offsets by which most scores are low, and some are high.
+/// Offset that makes most scores low, and some high.
 const OFFSET: f32 = -1.5;
 
 /// Seeds of the random weights of scores and of boxes.
 const SCORES: usize = 31;
 const BOXES: usize = 57;
 
-/// Scores `[1, queries, classes]` and boxes in shares, from the colour of each cell's first pixel.
+/// Scores `[1, queries, classes]` and boxes in fractions, from the colour of each cell's first pixel.
 fn queries(shape: &[usize], classes: usize) -> Graph {
     let mut graph = Graph::new(shape);
     for (name, seed, depth) in [("logits", SCORES, classes), ("raw_boxes", BOXES, 4)] {
@@ -56,8 +56,8 @@ fn raw(classes: usize, [scores, boxes]: [&str; 2]) -> Vec<u8> {
         .model()
 }
 
-/// With the part behind the network that D-FINE's exporter adds: the best pairs of query and class, and boxes in px of the size that a
-/// second input says, for any number of images.
+/// With the postprocessing of D-FINE's exporter: the best pairs of query and class, and boxes in px of the size in a second input, for any
+/// number of images.
 fn picked(classes: usize) -> Vec<u8> {
     let axis = |i: i64| [int("axis", i)];
     queries(&[0, 3, HEIGHT, WIDTH], classes)
@@ -96,7 +96,7 @@ fn picked(classes: usize) -> Vec<u8> {
         .model()
 }
 
-/// Class, score and sides, best first: as many pairs of query and class as there are queries.
+/// Class, score and sides, best first: one pair of query and class per query.
 fn reference(image: &ColourImage, card: &ModelCard, threshold: f64) -> Vec<(u8, f64, [f64; 4])> {
     let (width, height) = (image.width(), image.height());
     let sigmoid = |x: f64| 1.0 / (1.0 + (-x).exp());
@@ -166,7 +166,7 @@ fn scores_and_boxes_agree_with_their_formula() {
     }
 }
 
-/// RF-DETR: 91 classes, some of which are none, and colours by ImageNet's statistics.
+/// RF-DETR: 91 classes, some of which are unused, and colours by ImageNet's statistics.
 #[test]
 fn numbers_of_annotations_bring_other_colours() {
     let image = coloured(WIDTH, HEIGHT);
@@ -176,7 +176,7 @@ fn numbers_of_annotations_bring_other_colours() {
     assert_eq!(card.input.std[0], 58.395);
     let found = detector.detect_image(&image, FrameId(0)).unwrap();
     agrees(&found, &reference(&image, &card, 0.4));
-    // What it is recognised as is a card that can be written down.
+    // The recognised card can be written and parsed.
     let written = ModelCard::parse("m", &card.to_toml()).unwrap();
     assert_eq!(written, card);
     let with = with_card(&raw(91, ["labels", "dets"]), &written, InputSize::Model);
@@ -195,7 +195,7 @@ fn labels_boxes_and_scores_for_a_size_agree_with_the_formula() {
     agrees(&found, &reference(&image, detector.card(), 0.4));
 }
 
-/// Images are stretched to the input, whatever their aspect is.
+/// Images are stretched to the input, whatever their aspect.
 #[test]
 fn boxes_are_shares_of_the_image() {
     let image = ColourImage::from_vec(200, 90, [90, 140, 60].repeat(200 * 90)).unwrap();
@@ -243,7 +243,7 @@ fn other_sizes_and_other_classes_are_refused() {
     assert!(found.iter().all(|d| [0, 56].contains(&d.class.0)));
 }
 
-/// Boxes in px where shares are expected, and an input that nothing is known of.
+/// Boxes in px where fractions are expected, and an unknown input.
 #[test]
 fn other_units_and_other_inputs_are_refused() {
     let sizes = [64.0_f32, 48.0, 64.0, 48.0];
@@ -269,7 +269,7 @@ fn other_units_and_other_inputs_are_refused() {
     assert!(error.to_string().contains("im_shape [1, 2]"), "{error}");
 }
 
-/// The size of the image becomes a constant of the graph, which ONNX Runtime takes as well.
+/// The size of the image becomes a constant of the graph, which ONNX Runtime accepts as well.
 #[cfg(feature = "onnxruntime")]
 #[test]
 fn both_runtimes_agree_with_the_formula() {

@@ -1,4 +1,4 @@
-//! Detections against ONNX Runtime in Python, on the shared images where there are any. `golden/reference.py` writes the files.
+//! Detections against ONNX Runtime in Python, on the shared images if available. `golden/reference.py` writes the files.
 
 use crate::common::{decode, shared};
 use stillpoint_detection::{BoundingBox, ClassId, Detection};
@@ -13,7 +13,7 @@ const IMAGES: [&str; 5] = [
     "data/fr1_xyz_walkers/rgb/1305031109.043277.jpg",
 ];
 
-/// At the model's own size, and made four to three.
+/// At the model's own size, and at four to three.
 const SMALL: InputSize = InputSize::Fixed {
     width: 416,
     height: 320,
@@ -47,7 +47,7 @@ fn golden(text: &str, image: &str) -> Vec<Detection> {
     rows.collect()
 }
 
-/// Largest difference of the sides, px; infinite for detections that are not the same.
+/// Largest difference of the sides, px; infinite for different classes or scores.
 fn distance(a: &Detection, b: &Detection) -> f64 {
     if a.class != b.class || (a.score - b.score).abs() > 1e-3 {
         return f64::INFINITY;
@@ -110,7 +110,7 @@ fn picodet_agrees_at_another_size() {
     }
 }
 
-/// By default the input has the image's aspect: for 640x480 it is what was asked for above, for others not.
+/// By default the input has the image's aspect: for 640x480 the size of the test above, for others another one.
 #[test]
 fn the_input_follows_the_images() {
     for model in [YOLOX, PICODET] {

@@ -1,5 +1,4 @@
-//! The whole way from an image to boxes, on small graphs made by hand: against an own reference, and at sizes that a graph
-//! allows or not.
+//! From an image to boxes, on small graphs made by hand: against an independent reference, and at sizes that a graph allows or not.
 
 use crate::common::{
     Graph, STRIDES, anchors, coloured, detector, int, ints, maps, options, weights, with_card,
@@ -9,8 +8,7 @@ use stillpoint_detection::{Detection, Detector};
 use stillpoint_imaging::{ColourImage, FrameId};
 use stillpoint_inference::{Head, InputSize, ModelCard, ModelError, OnnxDetector};
 
-/// What YOLOv7's formula makes of the random convolutions of an image that has the input's size, in double precision: class,
-/// score and sides, best first.
+/// YOLOv7's formula on the random convolutions of an image of the input's size, in double precision: class, score and sides, best first.
 fn reference(image: &ColourImage, threshold: f64) -> Vec<(usize, f64, [f64; 4])> {
     let (width, height) = (image.width(), image.height());
     let sigmoid = |x: f64| 1.0 / (1.0 + (-x).exp());
@@ -83,7 +81,7 @@ fn yolov7_on_random_weights_agrees_with_its_formula() {
     agrees(&found, &reference(&image, 0.4));
 }
 
-/// The same file for other sizes than the one it was exported for.
+/// The same file at other sizes than that of its export.
 #[test]
 fn a_graph_takes_the_size_of_the_image() {
     let model = anchors(&[1, 3, 96, 96]);
@@ -105,7 +103,7 @@ fn a_graph_takes_the_size_of_the_image() {
         .detect_image(&image, FrameId(0))
         .unwrap();
     agrees(&found, &reference(&image, 0.4));
-    // By its own size the image is padded.
+    // At its own size the image is padded.
     let mut own = yolov7(&model, InputSize::Model);
     own.detect_image(&coloured(96, 64), FrameId(0)).unwrap();
     assert_eq!(own.input_size(), (96, 96));
@@ -138,7 +136,7 @@ fn a_free_size_comes_from_the_card() {
     );
 }
 
-/// The shapes are the same whatever the anchors are, so they are asked for.
+/// Shapes do not depend on the anchors, so a card is required.
 #[test]
 fn raw_maps_without_a_card_are_refused_with_the_usual_anchors() {
     for shape in [&[1, 3, 64, 96], &[0, 3, 0, 0]] {
@@ -148,7 +146,7 @@ fn raw_maps_without_a_card_are_refused_with_the_usual_anchors() {
         let text = error.to_string();
         assert!(raw, "{text}");
         assert!(text.contains("beside it:\nm.toml\n"), "{text}");
-        // Both are cards when they are written down.
+        // Both are valid cards.
         let lines = text.lines().filter(|l| l.starts_with("  anchors = [["));
         let cards: Vec<ModelCard> = lines
             .map(|l| format!("head = \"yolo-anchors\"\n[output]\n{l}"))
@@ -161,7 +159,7 @@ fn raw_maps_without_a_card_are_refused_with_the_usual_anchors() {
     }
 }
 
-/// Three rows per cell in shares of the input, as some exporters write them: nothing would be found.
+/// Three rows per cell in fractions of the input, as some exporters write them: nothing would be detected.
 #[test]
 fn rows_in_shares_of_the_input_are_refused() {
     let shares = rows(&[1, 3, 32, 64], |graph, rows| {
@@ -239,7 +237,7 @@ fn a_graph_that_allows_no_other_size_runs_at_its_own_and_says_so() {
     assert!(error.to_string().contains("use 64x64 px"), "{error}");
 }
 
-/// Coordinates of cells that are part of the graph would be wrong for a size of as many cells.
+/// Cell coordinates in the graph would be wrong for another size with the same number of cells.
 #[test]
 fn decoded_boxes_are_recognised_and_held_against_their_cells() {
     let mut grid = Vec::new();
@@ -256,7 +254,7 @@ fn decoded_boxes_are_recognised_and_held_against_their_cells() {
             .node("Add", &[rows, "grid"], &["boxes"], &[])
             .output("boxes", Some(&[1, 42, 85]))
     });
-    // One row per cell is YOLOX's, and so is what goes in.
+    // One row per cell is YOLOX's, and so is the input.
     let mut upright = detector(&model, InputSize::Fit);
     let mut expected = ModelCard::new(Head::Yolox);
     expected.head = Head::YoloGrid;
@@ -285,8 +283,8 @@ fn decoded_boxes_are_recognised_and_held_against_their_cells() {
     );
 }
 
-/// As many nodes as a file may have, one behind the other: a thread's stack of two megabytes, as a test's and a detector's have, is enough
-/// to prepare and run them.
+/// The maximum number of nodes, in one chain: a thread's stack of two megabytes, as a test's and a detector's have, suffices to prepare and
+/// run them.
 #[test]
 fn the_longest_chain_that_is_taken_runs() {
     let name = |i: usize| {

@@ -1,4 +1,4 @@
-//! Installations that fail before anything has changed.
+//! Installations that fail before any change.
 
 use stillpoint_inference::{Cache, CacheError, LARGEST, Record, State};
 
@@ -14,7 +14,7 @@ fn a_failed_installation_leaves_the_older_model() {
     cache
         .install("net", b"network", None, Record::default())
         .unwrap();
-    // The lock cannot be taken, after everything was written aside.
+    // The lock cannot be taken, after all temporary files were written.
     let lock = cache.folder().join(".install.lock");
     std::fs::remove_file(&lock).unwrap();
     std::fs::create_dir(&lock).unwrap();
@@ -61,7 +61,7 @@ fn folders_in_the_way_are_noticed_before_anything_is_replaced() {
 #[test]
 fn what_could_not_be_read_again_is_not_installed() {
     let (folder, cache) = scratch();
-    // Zeros that nobody reads take no memory.
+    // Untouched zeros take no memory.
     let huge = vec![0; usize::try_from(LARGEST).unwrap() + 1];
     let e = cache
         .install("net", &huge, None, Record::default())

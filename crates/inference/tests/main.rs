@@ -1,6 +1,6 @@
-//! Networks read, checked, run and kept: the tests of the crate from outside.
+//! Networks read, checked, run and cached: tests from outside the crate.
 
-// A test may look for its data and its library; the crate may not.
+// Tests may search for data and libraries; the crate may not.
 #![allow(clippy::disallowed_methods, clippy::print_stderr, clippy::unwrap_used)]
 
 mod cache;

@@ -1,5 +1,4 @@
-//! ONNX Runtime: which libraries are refused, and that it finds what `rten` finds. The library is the one that
-//! `ORT_DYLIB_PATH` names; without it the refusals are tested alone.
+//! ONNX Runtime: refused libraries, and agreement with `rten`. `ORT_DYLIB_PATH` names the library; without it only the refusals are tested.
 
 use std::path::{Path, PathBuf};
 use stillpoint_detection::{Detection, Detector};
@@ -8,7 +7,7 @@ use stillpoint_inference::{
     InputSize, OnnxDetector, OnnxOptions, OnnxRuntime, Runtime, RuntimeError,
 };
 
-/// The library to test with, if there is one.
+/// The library to test with, if any.
 pub(crate) fn library() -> Option<PathBuf> {
     let named = std::env::var_os("ORT_DYLIB_PATH").map(PathBuf::from);
     if named.is_none() {
@@ -17,7 +16,7 @@ pub(crate) fn library() -> Option<PathBuf> {
     named
 }
 
-/// What a shared model finds in a shared image in this runtime, if both are there; and what ran it.
+/// Detections of a shared model in a shared image in this runtime, if both exist; and the name of the runtime.
 fn found(model: &str, runtime: &Runtime, threads: usize) -> Option<(Vec<Detection>, String)> {
     let shared = |file: &str| Some(std::fs::read(stillpoint_testdata::beside(file)?).unwrap());
     let image = image::load_from_memory(&shared("images/bus.jpg")?)
@@ -33,7 +32,7 @@ fn found(model: &str, runtime: &Runtime, threads: usize) -> Option<(Vec<Detectio
     let model = shared(&format!("models/{model}.onnx"))?;
     let mut detector = OnnxDetector::with_card(model, "model", None, runtime, &options).unwrap();
     let found = detector.detect_image(&image, FrameId(0)).unwrap();
-    // The same bits again.
+    // Bit-identical on repetition.
     assert_eq!(detector.detect_image(&image, FrameId(1)).unwrap(), found);
     Some((found, detector.info().runtime.unwrap()))
 }
@@ -77,7 +76,7 @@ fn scratch(name: &str) -> PathBuf {
     folder.canonicalize().unwrap()
 }
 
-/// The error of a file, after what holds for all: one line that says what was expected, found and what to do.
+/// The error of a file, after general checks: one line with the expectation, the finding and the remedy.
 fn refusal(file: &Path) -> RuntimeError {
     let error = OnnxRuntime::load(file).unwrap_err();
     let text = error.to_string();
@@ -99,7 +98,7 @@ fn what_is_no_file_is_refused() {
     }
 }
 
-/// A pipe that nobody writes to must not be waited for.
+/// A pipe without a writer must not block.
 #[cfg(unix)]
 #[test]
 fn what_is_no_regular_file_is_refused() {
@@ -116,7 +115,7 @@ fn what_is_no_regular_file_is_refused() {
 fn what_is_no_library_is_refused() {
     let folder = scratch("no_library");
     let text = "a page that says: not found\n".repeat(100);
-    // The head of a library, and nothing behind it.
+    // Only the head of a library.
     let head = [&b"\x7fELF\x02\x01\x01"[..], &[0; 200]].concat();
     for (name, bytes) in [
         ("empty.so", &b""[..]),
@@ -130,8 +129,8 @@ fn what_is_no_library_is_refused() {
     }
 }
 
-/// This program is whole, and of the format that libraries have on Linux: cut anywhere, it must be refused before the system
-/// maps it, which would end the process.
+/// This program's file is complete, and of the format that libraries have on Linux: truncated anywhere, it must be refused before the
+/// system maps it, which would end the process.
 #[cfg(target_os = "linux")]
 #[test]
 fn what_was_cut_is_refused() {

@@ -1,13 +1,12 @@
-//! How much of the time detection may take: less where tracking does not keep up with the camera.
+//! Limits the detector's share of the time when tracking does not keep up with the camera.
 
-/// Frames in a row that must all be tracked before the detector may do more again. Where there is never time for everything, about
-/// one frame in twice as many is dropped.
+/// Number of consecutive frames that must be tracked before the detector's share is raised. Under constant overload, about one frame in
+/// twice as many is dropped.
 const CALM: u32 = 60;
-/// The detector may take at least one part in so many of the time.
+/// Minimum share of the time for the detector: one part in this many.
 const MOST_RARELY: u64 = 4;
 
-/// Lets detection give way to tracking: it may take half as much of the time when a frame was dropped, and twice as much when for
-/// a while none was.
+/// Halves the detector's share of the time when a frame was dropped, and doubles it after a period without drops.
 #[derive(Clone, Debug)]
 pub(crate) struct Backoff {
     rarer: u64,
@@ -21,8 +20,7 @@ impl Default for Backoff {
 }
 
 impl Backoff {
-    /// Takes note, at each frame that is tracked, whether others were dropped before it. Answers with the part of the time that detection
-    /// may take: one in so many.
+    /// Updates the share at each tracked frame, given whether others were dropped before it. Returns its reciprocal.
     pub(crate) fn observe(&mut self, dropped: bool) -> u64 {
         self.calm += 1;
         if dropped {

@@ -1,4 +1,4 @@
-//! The content of each stage's inbox, and in which order it is taken.
+//! The contents of each stage's inbox, and the order in which they are taken.
 
 use crate::audience::Audience;
 use crate::health::{Newest, Pulse};
@@ -15,40 +15,36 @@ use stillpoint_map::{Correction, KeyframeId, Map, MapView};
 use stillpoint_place::PlaceIndex;
 use stillpoint_slam::{LoopCloserMsg, Loops, MapperMsg, Trajectory, TrajectoryEntry};
 
-/// Largest number of messages that wait for one stage; beyond it, the sender waits. A stage that keeps up never has so many,
-/// and they fit into memory.
+/// Maximum number of messages queued for one stage; beyond it, the sender waits. A stage that keeps up never reaches it, and they fit into
+/// memory.
 pub(crate) const QUEUE: usize = 64;
-/// Samples of the inertial sensor that wait for tracking, at most: of eight seconds at 4 kHz.
+/// Maximum number of inertial samples queued for tracking: eight seconds at 4 kHz.
 pub(crate) const SAMPLES: usize = 32_768;
-/// The detector rests no longer than this.
+/// Maximum pause of the detector.
 const LONGEST_REST: Duration = Duration::from_secs(1);
 
-/// The inboxes of all stages.
 #[derive(Default)]
 pub(crate) struct Boxes {
     pub(crate) tracking: Mailbox<TrackingBox>,
     pub(crate) detection: Mailbox<DetectionBox<Arrived>>,
     pub(crate) mapping: Mailbox<MappingBox>,
     pub(crate) looping: Mailbox<LoopingBox>,
-    /// What each thread is at, in the order of [`Stage::ALL`].
+    /// State of each thread, in the order of [`Stage::ALL`].
     pulses: [Mailbox<Pulse>; 4],
     pub(crate) newest: Mailbox<Option<Newest>>,
-    /// The newest version of the map.
     pub(crate) view: Mailbox<Arc<MapView>>,
-    /// All loop candidates so far.
+    /// All loop candidates up to now.
     pub(crate) loops: Mailbox<Loops>,
-    /// Frames tracked since the last request for the trajectory. The list is short, so that tracking does not wait for a long one.
+    /// Frames tracked since the last request for the trajectory. The list is short, so that tracking never waits for a long copy.
     pub(crate) tracked: Mailbox<NewEntries>,
     /// The trajectory up to the last request. The requesting thread first moves the frames of `tracked` here.
     trajectory: Mailbox<Trajectory>,
-    /// Frames that were tracked.
     pub(crate) frames: AtomicU64,
-    /// Frames that were dropped.
     pub(crate) dropped: AtomicU64,
     pub(crate) audience: Audience,
 }
 
-/// What of a trajectory was passed on.
+/// State of the trajectory when it was last passed on.
 #[derive(Default)]
 pub(crate) struct PassedOn {
     entries: usize,
@@ -56,7 +52,7 @@ pub(crate) struct PassedOn {
 }
 
 impl PassedOn {
-    /// All of it.
+    /// Marks all of it as passed on.
     pub(crate) fn of(trajectory: &Trajectory) -> Self {
         Self {
             entries: trajectory.entries().len(),
@@ -65,16 +61,14 @@ impl PassedOn {
     }
 }
 
-/// Entries of a trajectory that nobody has asked for yet.
 #[derive(Default)]
 pub(crate) struct NewEntries {
-    /// Whether they take the place of all that were passed on before.
     anew: bool,
     entries: Vec<TrajectoryEntry>,
 }
 
 impl NewEntries {
-    /// Takes what was added to a trajectory, or all of it where it was rewritten.
+    /// Takes the entries added to a trajectory, or all of them if it was rewritten.
     pub(crate) fn take(&mut self, before: &PassedOn, trajectory: &Trajectory) {
         let entries = trajectory.entries();
         if trajectory.revision() == before.revision {
@@ -87,12 +81,10 @@ impl NewEntries {
 }
 
 impl Boxes {
-    /// What a stage's thread is at.
     pub(crate) fn pulse(&self, stage: Stage) -> &Mailbox<Pulse> {
         &self.pulses[stage as usize]
     }
 
-    /// The frames tracked so far.
     pub(crate) fn trajectory(&self) -> Trajectory {
         self.trajectory.change(|known| {
             let new = self.tracked.change(std::mem::take);
@@ -104,7 +96,7 @@ impl Boxes {
         })
     }
 
-    /// The map as it is now, copied between two messages that mapping takes; none when mapping has ended.
+    /// A copy of the current map, made between two messages of mapping; `None` after mapping has ended.
     pub(crate) fn map(&self) -> Option<Map> {
         const NAP: Duration = Duration::from_millis(50);
         let (sender, map) = sync_channel(1);
@@ -112,7 +104,7 @@ impl Boxes {
         loop {
             match map.recv_timeout(NAP) {
                 Ok(map) => return Some(map),
-                // A thread that panics answers no more.
+                // A panicked thread does not answer.
                 Err(RecvTimeoutError::Timeout) if self.mapping.is_closed() => {
                     return map.try_recv().ok();
                 }
@@ -122,65 +114,59 @@ impl Boxes {
         }
     }
 
-    /// Notes that a stage's thread took a message.
+    /// Marks a stage's thread as working on a message.
     pub(crate) fn begins(&self, stage: Stage) {
         self.pulse(stage)
             .put(|p| *p = Pulse::Working(Instant::now()));
     }
 
-    /// Notes that it is done with it.
     pub(crate) fn rests(&self, stage: Stage) {
         self.pulse(stage).put(|p| *p = Pulse::Waiting);
     }
 }
 
-/// A frame, and when it arrived.
 #[derive(Clone)]
 pub(crate) struct Arrived {
     pub(crate) frame: Arc<RgbdFrame>,
     pub(crate) at: Instant,
 }
 
-/// A view of the map on its way to tracking.
 pub(crate) struct Published {
-    /// The mapper's answer that brought it, counted from 0.
+    /// Index of the mapper's answer that published it.
     pub(crate) answer: u64,
     pub(crate) view: Arc<MapView>,
     pub(crate) at: Instant,
-    /// Keyframes that the mapper had taken.
+    /// Number of keyframes that the mapper had taken.
     pub(crate) keyframes: u64,
 }
 
-/// What a detector said, of which frame, and when that had arrived.
+/// A detector answer with its frame and the frame's arrival time.
 pub(crate) struct Said {
     pub(crate) frame: FrameId,
     pub(crate) answer: Result<Detections, DetectError>,
     pub(crate) arrived: Instant,
 }
 
-/// Inbox of tracking.
 #[derive(Default)]
 pub(crate) struct TrackingBox {
     pub(crate) frame: Option<Arrived>,
-    /// Whether frames were dropped since the last one that was taken.
+    /// Whether frames were dropped since the last one taken.
     pub(crate) dropped: bool,
     pub(crate) view: Option<Published>,
     pub(crate) places: Option<(u64, PlaceIndex<KeyframeId>)>,
     pub(crate) said: VecDeque<Said>,
-    /// What the inertial sensor measured.
     pub(crate) inertial: Vec<ImuSample>,
-    /// What the wheels did.
     pub(crate) odometry: Vec<OdometrySample>,
 }
 
-/// All that tracking takes with a frame.
+/// All inputs of tracking for a frame.
 pub(crate) struct TrackingWork {
     pub(crate) arrived: Arrived,
     pub(crate) news: TrackingBox,
 }
 
 impl TrackingBox {
-    /// Everything, once there is a frame.
+    /// Takes everything, once there is a frame.
     pub(crate) fn next(&mut self) -> Option<TrackingWork> {
         let arrived = self.frame.take()?;
         let news = std::mem::take(self);
@@ -188,12 +174,12 @@ impl TrackingBox {
     }
 }
 
-/// What detection is shown, and when it worked last.
+/// The newest frame for the detector, and the time of its last work.
 pub(crate) struct DetectionBox<T> {
     shown: Option<T>,
-    /// It may take one part in so many of the time; all of it with 1.
+    /// Reciprocal of the detector's share of the time.
     rarer: u64,
-    /// When it was done last, and how long it had worked.
+    /// When it last finished, and its working time.
     last: Option<(Instant, Duration)>,
 }
 
@@ -208,18 +194,18 @@ impl<T> Default for DetectionBox<T> {
 }
 
 impl<T> DetectionBox<T> {
-    /// Shows the newest frame, of which the detector is to take one part in so many of the time.
+    /// Offers the newest frame, with the reciprocal of the detector's share of the time.
     pub(crate) fn show(&mut self, frame: T, rarer: u64) {
         self.shown = Some(frame);
         self.rarer = rarer;
     }
 
-    /// Takes note of when the detector was done with a frame, and how long it had worked.
+    /// Records when the detector finished a frame, and its working time.
     pub(crate) fn done(&mut self, at: Instant, worked: Duration) {
         self.last = Some((at, worked));
     }
 
-    /// The newest frame, unless the detector is to rest still: then the frame is kept, and may give way to newer ones.
+    /// The newest frame, unless the detector must pause: then the frame stays, and may be replaced by newer ones.
     pub(crate) fn next(&mut self, now: Instant) -> Option<T> {
         let rests = self.last.is_some_and(|(at, worked)| {
             let times = u32::try_from(self.rarer.saturating_sub(1)).unwrap_or(u32::MAX);
@@ -229,12 +215,11 @@ impl<T> DetectionBox<T> {
     }
 }
 
-/// Inbox of mapping.
 #[derive(Default)]
 pub(crate) struct MappingBox {
     pub(crate) queue: VecDeque<MapperMsg>,
     pub(crate) corrections: VecDeque<Correction>,
-    /// Who wants a copy of the map.
+    /// Requests for a copy of the map.
     pub(crate) copies: VecDeque<SyncSender<Map>>,
     pub(crate) tracking_is_over: bool,
     looping_was_notified: bool,
@@ -243,16 +228,16 @@ pub(crate) struct MappingBox {
 
 pub(crate) enum MappingWork {
     Message(MapperMsg),
-    /// Somebody wants a copy of the map. It changes nothing, and is in no log.
+    /// A request for a copy of the map; not logged, as it changes nothing.
     Copy(SyncSender<Map>),
-    /// Tracking has no more keyframes: looping is to learn that.
+    /// Tracking has no more keyframes: looping must be informed.
     TrackingIsOver,
-    /// Nobody has anything more.
+    /// No sender remains.
     Over,
 }
 
 impl MappingBox {
-    /// Copies first, since somebody waits for them; then corrections: what comes after it is built on a better map.
+    /// Copies first, since callers wait for them; then corrections, so that later work uses a better map.
     pub(crate) fn next(&mut self) -> Option<MappingWork> {
         if let Some(to) = self.copies.pop_front() {
             return Some(MappingWork::Copy(to));
@@ -274,7 +259,6 @@ impl MappingBox {
     }
 }
 
-/// Inbox of looping.
 #[derive(Default)]
 pub(crate) struct LoopingBox {
     pub(crate) queue: VecDeque<LoopCloserMsg>,
@@ -303,21 +287,21 @@ mod tests {
     fn a_detector_rests_for_the_time_it_is_given() {
         let start = Instant::now();
         let mut shown = DetectionBox::default();
-        // The first frame need not wait, nor does any where there is time.
+        // The first frame need not wait, nor does any with enough time.
         shown.show(1, 8);
         assert_eq!(shown.next(start), Some(1));
         shown.done(start, 50 * MS);
         shown.show(2, 1);
         assert_eq!(shown.next(start), Some(2));
         shown.done(start, 50 * MS);
-        // Three quarters of the time it rests, and then looks at the newest frame.
+        // It pauses for three quarters of the time, then takes the newest frame.
         for (frame, after) in [(3, 10), (4, 149)] {
             shown.show(frame, 4);
             assert_eq!(shown.next(start + after * MS), None);
         }
         assert_eq!(shown.next(start + 150 * MS), Some(4));
         assert_eq!(shown.next(start + 150 * MS), None);
-        // A slow one does not rest forever.
+        // The pause is limited.
         shown.done(start, 3000 * MS);
         shown.show(5, 16);
         assert_eq!(shown.next(start + 999 * MS), None);

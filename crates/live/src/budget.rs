@@ -1,30 +1,27 @@
-//! A time per frame that is kept by doing less: how many keypoints are wanted, and how often the detector is asked.
+//! Keeps a time budget per frame by adapting the number of keypoints and the detector's share of the time.
 
 use stillpoint_slam::MIN_FEATURES;
 
-/// Frames after which it is decided again: half a second at 30 Hz.
+/// Number of frames between adaptations: half a second at 30 Hz.
 const ROUND: usize = 15;
-/// There is room for more below this share of the limit.
+/// Share of the limit below which more work is allowed.
 const ROOM: f64 = 0.8;
-/// The detector may take at least one part in so many of the time.
+/// Minimum share of the time for the detector: one part in this many.
 const MOST_RARELY: u64 = 8;
 
-/// Keeps tracking within a time per frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Budget {
-    /// Time per frame, s.
     limit: f64,
-    /// Keypoints wanted at most.
     most: u32,
     features: u32,
-    /// The detector may take one part in so many of the time.
+    /// Reciprocal of the detector's share of the time.
     rarer: u64,
-    /// What the frames of this round took, s.
+    /// Frame times since the last adaptation, s.
     round: Vec<f64>,
 }
 
 impl Budget {
-    /// A budget of `limit` s per frame, with at most so many keypoints, which is also what it begins with.
+    /// A budget of `limit` s per frame, with at most, and initially, `most` keypoints.
     pub(crate) fn new(limit: f64, most: u32) -> Self {
         Self {
             limit,
@@ -35,19 +32,19 @@ impl Budget {
         }
     }
 
-    /// The part of the time that the detector may take: one in so many.
+    /// Reciprocal of the detector's share of the time.
     pub(crate) fn rarer(&self) -> u64 {
         self.rarer
     }
 
-    /// Takes note of how long a frame took, s. Answers with the number of keypoints wanted from now on when it changes.
+    /// Records a frame time, s. Returns the number of keypoints when it changes.
     pub(crate) fn observe(&mut self, took: f64) -> Option<u32> {
         self.round.push(took);
         if self.round.len() < ROUND {
             return None;
         }
         self.round.sort_unstable_by(f64::total_cmp);
-        // The second longest: one frame that something else disturbed decides nothing.
+        // The second longest, so that a single disturbed frame has no effect.
         let took = self.round[ROUND - 2];
         self.round.clear();
         let least = MIN_FEATURES.min(self.most);
@@ -76,7 +73,8 @@ impl Budget {
 mod tests {
     use super::*;
 
-    /// Frames on a machine that needs `fixed` s and `each` s per keypoint: the keypoints in the end, and how rarely detection is asked.
+    /// Frames on a machine that needs `fixed` s and `each` s per keypoint: the final number of keypoints, and the reciprocal detector
+    /// share.
     fn settle(budget: &mut Budget, fixed: f64, each: f64) -> (u32, u64) {
         for _ in 0..50 * ROUND {
             budget.observe(fixed + each * f64::from(budget.features));
@@ -92,10 +90,10 @@ mod tests {
         let took = 0.004 + 12e-6 * f64::from(features);
         assert!(took <= 0.010 && took > ROOM * 0.010 / 1.1, "{took} s");
         assert_eq!(rarer, 1);
-        // Nothing fits: the least is done.
+        // Nothing fits: the minimum is used.
         let least = settle(&mut budget, 0.012, 12e-6);
         assert_eq!(least, (MIN_FEATURES, MOST_RARELY));
-        // And back when there is time again.
+        // It recovers when there is time again.
         assert_eq!(settle(&mut budget, 0.002, 1e-6), (1000, 1));
     }
 

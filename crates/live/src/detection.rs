@@ -1,4 +1,4 @@
-//! The thread of detection.
+//! The detection thread.
 
 use crate::boxes::{Boxes, QUEUE, Said, TrackingBox};
 use crate::health::guarded;
@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use stillpoint_detection::Detector;
 
-/// Detection. It tells nobody but tracking, and has no desk: one that hangs would keep the channel of events open forever.
+/// Sends only to tracking, and does not publish events: a hanging detector would keep the event channel open forever.
 pub(crate) struct DetectionWorker {
     pub(crate) boxes: Arc<Boxes>,
     pub(crate) hook: Option<Hook>,
@@ -16,7 +16,7 @@ pub(crate) struct DetectionWorker {
 }
 
 impl DetectionWorker {
-    /// Looks at the newest frame until the stream ends.
+    /// Processes the newest frame until the stream ends.
     pub(crate) fn run(&mut self) -> WorkerEnd {
         let boxes = Arc::clone(&self.boxes);
         let end = guarded(&boxes, Stage::Detection, || {

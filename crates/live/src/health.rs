@@ -1,7 +1,7 @@
-//! How a live run is at this moment: the newest frame's health, and whether every thread is at work.
+//! Current state of a live run: the newest frame's health, and the state of every thread.
 //!
-//! A thread that hangs cannot say so, and what threads and clocks do is no part of what a replay gives again. So this is no event: it is
-//! asked for, from whichever thread, and is answered whatever the stages do.
+//! A hanging thread cannot report itself, and replays do not reproduce threads and clocks. So this is not an event: any thread can query it
+//! at any time, whatever the stages do.
 
 use crate::boxes::Boxes;
 use crate::measure::{FrameTiming, Stage, WorkerEnd};
@@ -14,22 +14,22 @@ use stillpoint_geometry::Se3;
 use stillpoint_map::{Map, MapView};
 use stillpoint_slam::{Health, LoopReport, Trajectory, TrajectoryEntry};
 
-/// A thread that has been at one message for longer does not answer: it hangs, or has more to do than its machine can.
+/// Maximum time for one message, after which a thread counts as not answering.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// How a thread is.
+/// State of a thread.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ThreadState {
-    /// It works, or waits for something to do.
+    /// Working, or waiting for work.
     Running,
-    /// It has been at one message for more than a second.
+    /// Working on one message for more than a second.
     NotAnswering {
-        /// For how long, s.
+        /// Duration, s.
         seconds: f64,
     },
-    /// It did all that was to do.
+    /// It completed its work.
     Finished,
-    /// It panicked; the others go on without it.
+    /// It panicked; the others continue without it.
     Panicked(String),
 }
 
@@ -44,13 +44,13 @@ impl std::fmt::Display for ThreadState {
     }
 }
 
-/// What a thread is at, as it notes itself.
+/// Activity of a thread, recorded by itself.
 #[derive(Clone, Debug, Default)]
 pub(crate) enum Pulse {
-    /// It waits for its next message, or has not begun.
+    /// Waiting for its next message, or not started.
     #[default]
     Waiting,
-    /// It works on a message since then.
+    /// Working on a message since this time.
     Working(Instant),
     Ended(WorkerEnd),
 }
@@ -73,8 +73,7 @@ impl Pulse {
     }
 }
 
-/// Runs a thread's loop, and tells how it ended. What the loop worked on is left as it was when it panicked, and only what
-/// is whole even then is used of it.
+/// Runs a thread's loop, and returns how it ended. After a panic, only state that stays consistent is used.
 pub(crate) fn guarded(boxes: &Boxes, stage: Stage, run: impl FnOnce()) -> WorkerEnd {
     let end = match catch_unwind(AssertUnwindSafe(run)) {
         Ok(()) => WorkerEnd::Finished,
@@ -84,39 +83,37 @@ pub(crate) fn guarded(boxes: &Boxes, stage: Stage, run: impl FnOnce()) -> Worker
     end
 }
 
-/// What a panic says.
 pub(crate) fn reason_of(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
     let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
     text.unwrap_or_else(|| "unknown reason".to_owned())
 }
 
-/// The newest frame that was tracked.
 pub(crate) struct Newest {
     pub(crate) health: Health,
     pub(crate) timing: FrameTiming,
     pub(crate) at: Instant,
 }
 
-/// How a live run is at a moment.
+/// State of a live run at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LiveHealth {
-    /// Health of the newest frame that was tracked; none before the first.
+    /// Health of the newest tracked frame; `None` before the first.
     pub health: Option<Health>,
-    /// What was measured at it.
+    /// Its timing.
     pub timing: Option<FrameTiming>,
-    /// How long ago its pose was there, s.
+    /// Time since its pose, s.
     pub frame_age: Option<f64>,
-    /// Frames that were tracked so far, whatever became of their poses.
+    /// Number of processed frames, tracked or lost.
     pub tracked: u64,
-    /// Frames that were dropped so far.
+    /// Number of dropped frames.
     pub dropped: u64,
-    /// The threads; detection only with a detector.
+    /// State of the threads; detection only with a detector.
     pub threads: Vec<(Stage, ThreadState)>,
 }
 
 impl LiveHealth {
-    /// The threads that do not do what they should.
+    /// The threads with problems.
     pub fn troubles(&self) -> impl Iterator<Item = &(Stage, ThreadState)> {
         let is_well =
             |state: &ThreadState| matches!(state, ThreadState::Running | ThreadState::Finished);
@@ -124,7 +121,7 @@ impl LiveHealth {
     }
 }
 
-/// One line: [`Health`]'s, the latency, and the threads that do not do what they should.
+/// One line: [`Health`]'s, the latency, and the threads with problems.
 impl std::fmt::Display for LiveHealth {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match &self.health {
@@ -141,8 +138,7 @@ impl std::fmt::Display for LiveHealth {
     }
 }
 
-/// Looks at a live run from outside, from any thread, also while [`LiveSystem::play`](crate::LiveSystem::play) is at work and after
-/// its end.
+/// Observes a live run from any thread, also during [`LiveSystem::play`](crate::LiveSystem::play) and after its end.
 #[derive(Clone)]
 pub struct Watch {
     boxes: Arc<Boxes>,
@@ -163,42 +159,39 @@ impl Watch {
         self.boxes.view.look(Arc::clone)
     }
 
-    /// The frames tracked so far, each with its pose relative to a keyframe and as it was known at that frame. It is copied without
-    /// tracking ever waiting for that.
+    /// The tracked frames, each with its pose relative to a keyframe as known at that frame. Copying never blocks tracking.
     #[must_use]
     pub fn trajectory(&self) -> Trajectory {
         self.boxes.trajectory()
     }
 
-    /// The frames tracked so far with their poses `world_from_camera` after all corrections until now: through the newest
-    /// version of the map, and smoothed ([`Trajectory::smoothed`]).
+    /// The tracked frames with their current poses `world_from_camera`: through the newest version of the map, and smoothed
+    /// ([`Trajectory::smoothed`]).
     #[must_use]
     pub fn corrected_trajectory(&self) -> Vec<(TrajectoryEntry, Se3)> {
         self.trajectory().smoothed(&self.view())
     }
 
-    /// All loop candidates so far and their outcomes.
+    /// All loop candidates up to now, with their outcomes.
     #[must_use]
     pub fn loops(&self) -> Vec<LoopReport> {
         self.boxes.loops.look(|l| l.reports().to_vec())
     }
 
-    /// A copy of the map as it is now, from which a map file can be written while the run goes on ([`Map::to_bytes`]). Mapping makes it
-    /// between two of its messages, so this waits for the one at hand; tracking waits for nothing. None once mapping has
-    /// ended: then the map comes with the run's result.
+    /// A copy of the current map, for saving during the run ([`Map::to_bytes`]). Mapping makes it between two messages, so this waits for
+    /// the current one; tracking does not wait. `None` after mapping has ended: then the run's result has the map.
     #[must_use]
     pub fn map(&self) -> Option<Map> {
         self.boxes.map()
     }
 
-    /// The timing of the newest tracked frame; none before the first. It costs less than [`Watch::health`], for programs
-    /// that read it at every frame.
+    /// Timing of the newest tracked frame; `None` before the first. Cheaper than [`Watch::health`], for use at every frame.
     #[must_use]
     pub fn timing(&self) -> Option<FrameTiming> {
         self.boxes.newest.look(|n| n.as_ref().map(|n| n.timing))
     }
 
-    /// How the run is now.
+    /// The current state.
     #[must_use]
     pub fn health(&self) -> LiveHealth {
         let now = Instant::now();

@@ -1,14 +1,13 @@
-//! The driver for cameras: tracking, detection, mapping and looping, each on a thread of its own.
+//! The driver for live cameras: tracking, detection, mapping and looping, each on its own thread.
 //!
-//! Answers: how the stages run side by side in real time, how long a frame took, and what happened to the threads. The only library
-//! whose results depend on the clock, and the only one that holds a lock (the stages' mailboxes). Decides when a stage takes a message and nothing else: what
-//! becomes of it is the stages' business, and the order in which messages were taken is logged, so that
-//! [`Replay`](stillpoint_slam::Replay) runs it again, bit for bit.
+//! The only library whose results depend on the clock, and the only one with a lock (the stages' mailboxes). It only decides when a stage
+//! takes a message; the order in which messages were taken is logged, so that [`Replay`](stillpoint_slam::Replay) repeats the run, bit for
+//! bit.
 //!
-//! Who waits for whom goes one way only: detection waits for room at tracking, tracking at mapping, mapping at looping, and
-//! looping for none. Views, places and corrections go the other way, and these are never waited for: of views and places the newest
-//! replaces the older one, and of corrections there is one at a time. No stage waits for a listener: each subscriber has a queue, and chooses
-//! what is dropped when the queue is full ([`Delivery`]).
+//! Waiting has one direction: detection waits for room at tracking, tracking at mapping, mapping at looping, and looping for none. Views,
+//! places and corrections go the other way without waiting: the newest view and places replace older ones, and there is at most one
+//! correction at a time. No stage waits for a subscriber: each has a queue, and drops events by its own rule when the queue is full
+//! ([`Delivery`]).
 
 mod audience;
 mod backoff;

@@ -1,12 +1,11 @@
 //! The inbox of a stage or a subscriber, and the only lock of the libraries.
 //!
-//! One box holds all that a stage may receive, because tracking and mapping wait for several things at once, which channels of
-//! the standard library cannot do. What is kept, and what the newest replaces, is up to its content.
+//! One mailbox holds everything that a stage may receive, because tracking and mapping wait for several things at once, which the standard
+//! library's channels cannot do. The contents decide which messages are kept or replaced.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What one stage receives from the others.
 pub(crate) struct Mailbox<T> {
     state: Mutex<State<T>>,
     changed: Condvar,
@@ -24,7 +23,6 @@ impl<T: Default> Default for Mailbox<T> {
 }
 
 impl<T> Mailbox<T> {
-    /// A box with this in it.
     pub(crate) fn new(content: T) -> Self {
         Self {
             state: Mutex::new(State {
@@ -35,26 +33,25 @@ impl<T> Mailbox<T> {
         }
     }
 
-    /// Changes the content at once, even when the box is closed.
+    /// Changes the contents, even of a closed mailbox.
     pub(crate) fn change<R>(&self, change: impl FnOnce(&mut T) -> R) -> R {
         let mut state = self.lock();
         let result = change(&mut state.content);
-        // Somebody may wait for the room.
+        // A sender may be waiting for room.
         self.changed.notify_all();
         result
     }
 
-    /// Whether the box is closed.
     pub(crate) fn is_closed(&self) -> bool {
         self.lock().closed
     }
 
-    /// Changes the content at once; nothing when the box is closed.
+    /// Changes the contents; `None` if the mailbox is closed.
     pub(crate) fn put<R>(&self, change: impl FnOnce(&mut T) -> R) -> Option<R> {
         self.put_when(|_| true, change)
     }
 
-    /// Changes the content as soon as there is room; nothing when the box is closed by then.
+    /// Changes the contents as soon as there is room; `None` if the mailbox is closed by then.
     pub(crate) fn put_when<R>(
         &self,
         room: impl Fn(&T) -> bool,
@@ -72,12 +69,12 @@ impl<T> Mailbox<T> {
         Some(result)
     }
 
-    /// Takes what `pick` picks, as soon as there is something; nothing when the box is closed and holds nothing to pick.
+    /// Waits until `pick` returns a value; `None` if the mailbox is closed and `pick` finds nothing.
     pub(crate) fn take<R>(&self, mut pick: impl FnMut(&mut T) -> Option<R>) -> Option<R> {
         let mut state = self.lock();
         loop {
             if let Some(picked) = pick(&mut state.content) {
-                // Somebody may wait for the room.
+                // A sender may be waiting for room.
                 self.changed.notify_all();
                 return Some(picked);
             }
@@ -88,7 +85,7 @@ impl<T> Mailbox<T> {
         }
     }
 
-    /// As [`Mailbox::take`], but no longer than for some time.
+    /// Like [`Mailbox::take`], with a time limit.
     pub(crate) fn take_within<R>(
         &self,
         time: Duration,
@@ -110,18 +107,17 @@ impl<T> Mailbox<T> {
         }
     }
 
-    /// Reads the content.
     pub(crate) fn look<R>(&self, read: impl FnOnce(&T) -> R) -> R {
         read(&self.lock().content)
     }
 
-    /// Nothing more goes in. What is in it can still be taken.
+    /// Refuses further contents; existing ones can still be taken.
     pub(crate) fn close(&self) {
         self.lock().closed = true;
         self.changed.notify_all();
     }
 
-    /// What is done under the lock moves values and cannot panic half-way, so a poisoned lock is as good as another.
+    /// Ignores poisoning: code under the lock only moves values and cannot panic half-way.
     fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }

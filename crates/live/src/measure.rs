@@ -1,23 +1,23 @@
-//! What is measured of a live run, and how its threads ended.
+//! Measurements of a live run, and how its threads ended.
 
 use crate::audience::Missed;
 use stillpoint_imaging::FrameId;
 
-/// A stage with a thread of its own.
+/// A stage with its own thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
-    /// Poses.
+    /// Camera tracking.
     Tracking,
-    /// The network, or what stands for it.
+    /// Object detection.
     Detection,
-    /// The map.
+    /// Map building.
     Mapping,
-    /// Loops.
+    /// Loop closing.
     Looping,
 }
 
 impl Stage {
-    /// All stages, by the way of the data.
+    /// All stages, in the order of the data flow.
     pub const ALL: [Self; 4] = [
         Self::Tracking,
         Self::Detection,
@@ -37,63 +37,63 @@ impl std::fmt::Display for Stage {
     }
 }
 
-/// What was measured at one frame.
+/// Measurements at one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameTiming {
     /// The frame.
     pub frame: FrameId,
     /// From its arrival to its pose, s.
     pub latency: f64,
-    /// Of that, the time until tracking took it, s.
+    /// Part of the latency until tracking took it, s.
     pub waited: f64,
-    /// By how much its stamp is later than that of the newest detections tracking knew, s; none before the first ones.
+    /// Age of the newest detections known to tracking, relative to the frame's stamp, s; `None` before the first.
     pub detections_age: Option<f64>,
-    /// Time since the view of the map that was used had been published, s; none before the first one.
+    /// Age of the map view in use, s; `None` before the first.
     pub view_age: Option<f64>,
-    /// Keypoints that were wanted.
+    /// Requested number of keypoints.
     pub features: u32,
-    /// Keyframes that this view did not hold yet.
+    /// Number of keyframes that this view did not contain yet.
     pub keyframes_behind: u32,
-    /// Messages that mapping had not taken yet when the pose was there.
+    /// Number of messages queued for mapping when the pose was ready.
     pub mapping_queue: u32,
-    /// Messages that looping had not taken yet then.
+    /// Number of messages queued for looping at that time.
     pub looping_queue: u32,
 }
 
-/// What was measured at one answer of the detector.
+/// Measurements at one detector answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AnswerTiming {
-    /// The frame that it is about.
+    /// Its frame.
     pub frame: FrameId,
     /// From the frame's arrival until tracking took the answer, s.
     pub latency: f64,
 }
 
-/// What was measured of a run.
+/// Measurements of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LiveStatistics {
-    /// Frames that arrived and were not refused.
+    /// Number of frames that arrived and were not refused.
     pub arrived: u64,
-    /// Frames that came twice or out of order, or do not fit the camera.
+    /// Number of frames that came twice or out of order, or do not match the camera.
     pub refused: u64,
-    /// Frames that a newer one replaced before tracking could take them, by their numbers.
+    /// Frames replaced by a newer one before tracking took them.
     pub dropped: Vec<FrameId>,
-    /// Every frame that was tracked, in order.
+    /// Every tracked frame, in order.
     pub frames: Vec<FrameTiming>,
-    /// Every answer of the detector that tracking took, in that order.
+    /// Every detector answer that tracking took, in that order.
     pub detections: Vec<AnswerTiming>,
-    /// What did not reach a subscriber because it was too slow; by name, in the order in which they subscribed.
+    /// Events missed by slow subscribers, by name, in the order of subscription.
     pub subscribers: Vec<(String, Missed)>,
 }
 
 /// How a thread ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum WorkerEnd {
-    /// It did all that was to do.
+    /// It completed its work.
     Finished,
-    /// It panicked; the others went on without it.
+    /// It panicked; the others continued without it.
     Panicked(String),
-    /// It did not answer any more and was left to itself.
+    /// It stopped answering and was abandoned.
     GivenUp,
 }
 
@@ -112,11 +112,11 @@ impl std::fmt::Display for WorkerEnd {
 pub struct Ended {
     /// Tracking. Without it there are no further poses.
     pub tracking: WorkerEnd,
-    /// Detection; none without a detector. Without it objects are expected where they were seen to go.
+    /// Detection; `None` without a detector. Without it objects are only predicted.
     pub detection: Option<WorkerEnd>,
-    /// Mapping. Without it the map stays as it was.
+    /// Mapping. Without it the map stays unchanged.
     pub mapping: WorkerEnd,
-    /// Looping. Without it no loop is closed any more.
+    /// Looping. Without it no further loops are closed.
     pub looping: WorkerEnd,
 }
 

@@ -1,33 +1,29 @@
-//! A recording played as a camera: its frames arrive at their stamps.
+//! Plays a recording as a camera: its frames arrive at their stamps.
 
 use crate::system::LiveSystem;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use stillpoint_imaging::{FrameSource, SourceError};
 
-/// Longest time between two frames that is waited for, s: over a longer gap, or a clock that was set, the next frame comes at once.
+/// Maximum wait between two frames, s: after a longer gap, or when a clock was set, the next frame comes at once.
 const LONGEST_GAP: f64 = 5.0;
-/// How often the wish to stop is looked at.
 const NAP: Duration = Duration::from_millis(50);
 
-/// How the playing of a recording ended.
+/// How playing a recording ended.
 #[derive(Debug)]
 pub enum Played {
-    /// All frames went in.
+    /// All frames were pushed.
     ToTheEnd,
     /// The user asked to stop.
     Stopped,
-    /// The source failed for good.
+    /// The source failed permanently.
     SourceFailed(SourceError),
-    /// Tracking takes no more frames, because it panicked.
+    /// Tracking panicked and takes no more frames.
     TrackingEnded,
 }
 
-/// Which moment a stamp stands for.
 struct Clock {
-    /// A moment and the stamp that it stands for.
     anchor: Option<(Instant, f64)>,
-    /// The stamp before.
     last: f64,
 }
 
@@ -48,9 +44,9 @@ impl Clock {
 }
 
 impl LiveSystem {
-    /// Plays a source: each frame is pushed when as much time has passed since the first one as between their stamps; those of a camera
-    /// ([`FrameSource::is_live`]) as they come. `skipped` is called
-    /// with what was wrong with frames that could not be read. Ends when the source does, or soon after `stop` was set; [`LiveSystem::finish`] comes next.
+    /// Plays a source: each frame is pushed when the time since the first one equals the difference of their stamps; frames of a camera
+    /// ([`FrameSource::is_live`]) as they come. `skipped` is called with the error of unreadable frames. Ends with the source, or soon
+    /// after `stop` was set; call [`LiveSystem::finish`] next.
     pub fn play(
         &mut self,
         source: &mut dyn FrameSource,
@@ -90,7 +86,7 @@ impl LiveSystem {
     }
 }
 
-/// Waits for a moment. False when the user asked to stop.
+/// Waits for a moment. False if the user asked to stop.
 fn wait(due: Instant, stop: &AtomicBool) -> bool {
     loop {
         let left = due.saturating_duration_since(Instant::now());
@@ -116,7 +112,7 @@ mod tests {
         };
         let start = Instant::now();
         let after = |ms: u64| start + Duration::from_millis(ms);
-        // Stamp, when it is asked about, and when it is due; ms after the start.
+        // Stamp, time of the query, and due time; ms after the start.
         for (stamp, now, due) in [
             (100.0, 0, 0),
             (100.25, 10, 250),

@@ -19,31 +19,32 @@ use stillpoint_slam::{
     TrajectoryEntry,
 };
 
-/// Called once by the thread of a subscriber, with its name.
+/// Called once by a subscriber's thread, with its name.
 pub type SubscriberHook = Arc<dyn Fn(&str) + Send + Sync>;
 
-/// How a live run is driven.
+/// Options of a live run.
 #[derive(Clone)]
 pub struct LiveOptions {
-    /// Whether a frame that tracking has not taken when the next one arrives gives way to it. Else the next one waits, and none
-    /// is dropped. Where frames are dropped, detection takes less of the time.
+    /// Whether a frame that tracking has not taken when the next one arrives is dropped. Otherwise the next one waits, and none is dropped.
+    /// Dropped frames reduce the detector's share of the time.
     pub drop_late: bool,
-    /// How long the end of the run waits for a detector that does not answer, before its thread is left to itself.
+    /// Maximum wait for a detector that does not answer at the end of the run, before its thread is abandoned.
     pub detector_patience: Duration,
-    /// How long the end of the run waits for a subscriber that takes no further event, before its thread is left to itself. What
-    /// still waits for it then counts as missed.
+    /// Maximum wait for a subscriber that takes no further event at the end of the run, before its thread is abandoned; its pending events
+    /// count as missed.
     pub subscriber_patience: Duration,
-    /// Time that tracking may take per frame, s: it wants fewer keypoints, and asks the detector more rarely, as long as that is
-    /// exceeded. None: no limit.
+    /// Time budget of tracking per frame, s: beyond it, fewer keypoints are extracted and the detector is called less often. `None`: no
+    /// limit.
     pub budget: Option<f64>,
-    /// Whether the log of the run and the timings of its frames are kept. A run of days, which nobody will repeat, does without: they grow with every frame, and the log of
-    /// such a run has no entries.
+    /// Whether the run log and the frame timings are kept. They grow with every frame; disable this for runs of days that will not be
+    /// replayed. The log is then empty.
     pub keep_log: bool,
-    /// How many of the newest frames the trajectory remembers at least, of runs of days that keep no log: 300 bytes each. Twice as many are never exceeded. None: all, as with a log.
+    /// Minimum number of newest frames kept in the trajectory, for runs of days without a log: 300 bytes each, at most twice as many.
+    /// `None`: all, as with a log.
     pub keep_frames: Option<usize>,
-    /// Called by every thread of a stage before it waits for its next message.
+    /// Called by every stage's thread before it waits for its next message.
     pub hook: Option<Hook>,
-    /// Called by the thread of every subscriber before its first event, with its name: to set its priority.
+    /// Called by every subscriber's thread before its first event, with its name: to set its priority.
     pub subscriber_hook: Option<SubscriberHook>,
 }
 
@@ -62,29 +63,29 @@ impl Default for LiveOptions {
     }
 }
 
-/// What a live run gave: everything that was learned, whatever happened to its threads.
+/// The result of a live run: everything learned, however its threads ended.
 pub struct LiveResult {
-    /// The frames tracked.
+    /// The tracked frames.
     pub trajectory: Trajectory,
-    /// The map; none when mapping panicked and left it in a state in which it cannot be used.
+    /// The map; `None` if mapping panicked and left it in an unusable state.
     pub map: Option<Map>,
-    /// The last version of the map that was published.
+    /// The last published version of the map.
     pub view: Arc<MapView>,
-    /// The candidates for loops, with what became of them.
+    /// The loop candidates with their outcomes.
     pub loops: Vec<LoopReport>,
-    /// When the parts of a frame are exposed, as estimated.
+    /// Estimated exposure timing.
     pub timing: Timing,
-    /// In which order the stages took their messages.
+    /// The order in which the stages took their messages.
     pub log: RunLog,
-    /// What was measured.
+    /// Measurements.
     pub statistics: LiveStatistics,
     /// How the threads ended.
     pub ended: Ended,
-    /// The detector; none when there was none, or when its thread did not finish.
+    /// The detector; `None` without one, or if its thread did not finish.
     pub detector: Option<Box<dyn Detector>>,
 }
 
-/// SLAM at the pace of a camera: every stage on a thread of its own.
+/// SLAM at camera rate: every stage on its own thread.
 pub struct LiveSystem {
     boxes: Arc<Boxes>,
     options: LiveOptions,
@@ -95,11 +96,11 @@ pub struct LiveSystem {
     refused: u64,
     arrived: u64,
     dropped: Vec<FrameId>,
-    /// Ends the threads of a run that nobody finishes.
+    /// Ends the threads of a run that is dropped unfinished.
     _closing: Closing,
 }
 
-/// Closes the way in when it goes, so that every thread comes to its end.
+/// Closes the inboxes on drop, so that every thread ends.
 struct Closing(Arc<Boxes>);
 
 impl Drop for Closing {
@@ -111,10 +112,10 @@ impl Drop for Closing {
 }
 
 impl LiveSystem {
-    /// Starts the threads. `detector.stride` of the configuration is followed; `schedule` is not: here time decides.
+    /// Starts the threads. `detector.stride` of the configuration applies; `schedule` does not, as timing decides.
     ///
     /// # Errors
-    /// What the operating system says when it has no more threads.
+    /// A thread that cannot be started.
     pub fn start(
         stages: Stages,
         detector: Option<Box<dyn Detector>>,
@@ -138,11 +139,11 @@ impl LiveSystem {
         })
     }
 
-    /// Has somebody listen from now on, on a thread of this name. Events come in the order that [`Event`] states, and as
-    /// `delivery` says; no stage ever waits for a subscriber. What it missed is in [`LiveStatistics::subscribers`].
+    /// Adds a subscriber on its own thread of this name. Events come in the order stated at [`Event`], as specified by `delivery`; no stage
+    /// ever waits for a subscriber. Missed events are counted in [`LiveStatistics::subscribers`].
     ///
     /// # Errors
-    /// What the operating system says when it has no more threads.
+    /// A thread that cannot be started.
     pub fn subscribe<S: Subscriber + Send + 'static>(
         &mut self,
         name: &str,
@@ -162,15 +163,15 @@ impl LiveSystem {
         Ok(subscribed)
     }
 
-    /// Events from now on, for callers that poll instead of being called.
+    /// Events from now on, for polling.
     #[must_use]
     pub fn listen(&self, name: &str, delivery: Delivery) -> Events {
         self.boxes.audience.listen(name, delivery)
     }
 
-    /// Hands over a frame that arrived just now. With [`LiveOptions::drop_late`] this returns at once; else when the frame before
-    /// was taken, and when all who are to receive every event have room for those of this one. A frame that does not follow the one before is refused, which an event tells. False when tracking takes no more
-    /// frames because it panicked.
+    /// Pushes a frame that just arrived. With [`LiveOptions::drop_late`] this returns at once; otherwise when the previous frame was taken
+    /// and all complete subscriptions have room for this one's events. A frame that does not follow the previous one is refused, with an
+    /// event. False if tracking panicked and takes no more frames.
     pub fn push(&mut self, frame: RgbdFrame) -> bool {
         if let Err(refused) = self.gate.admit(&frame) {
             self.refuse(refused);
@@ -199,9 +200,9 @@ impl LiveSystem {
         before.is_some()
     }
 
-    /// Hands over what a detector of the caller's saw, as of the frame named in it: before [`LiveSystem::push`] of that frame, or later.
-    /// Tracking takes it with the next frame that it takes, which is another one where the frame before waits still; of answers that wait for it the oldest give way when there are too many. False when
-    /// tracking takes no more of them because it panicked.
+    /// Adds detections of the caller's detector for the frame named in them: before [`LiveSystem::push`] of that frame, or later. Tracking
+    /// takes them with its next frame, which is an earlier one if that is still queued; when too many are queued the oldest are dropped.
+    /// False if tracking panicked.
     pub fn tell(&mut self, detections: Detections) -> bool {
         let said = Said {
             frame: detections.frame,
@@ -217,8 +218,8 @@ impl LiveSystem {
         put.is_some()
     }
 
-    /// Hands over samples of the inertial sensor, in order of time: before [`LiveSystem::push`] of the frame that they lead to. Those of frames that are dropped
-    /// wait for the next one. Without a sensor ([`Stages::with_imu`]) they are left out. False when tracking takes no more of them because it panicked.
+    /// Adds inertial samples in time order, before [`LiveSystem::push`] of the frame after them. Those of dropped frames are kept for the
+    /// next one. Ignored without a sensor ([`Stages::with_imu`]). False if tracking panicked.
     pub fn tell_inertial(&mut self, samples: Vec<ImuSample>) -> bool {
         if samples.is_empty() {
             return true;
@@ -231,7 +232,7 @@ impl LiveSystem {
         put.is_some()
     }
 
-    /// The same of odometry: see [`Stages::with_odometry`].
+    /// Adds odometry samples, like [`Self::tell_inertial`]: see [`Stages::with_odometry`].
     pub fn tell_odometry(&mut self, samples: Vec<OdometrySample>) -> bool {
         if samples.is_empty() {
             return true;
@@ -249,8 +250,7 @@ impl LiveSystem {
         self.boxes.audience.publish(&Event::Refused(frame));
     }
 
-    /// What there is to know of the run at any moment, for any thread: health of the newest frame, whether the threads are at work,
-    /// the map and the trajectory.
+    /// Observes the run from any thread: health of the newest frame, state of the threads, map and trajectory.
     #[must_use]
     pub fn watch(&self) -> Watch {
         Watch::new(&self.boxes, self.threads.has_detection())
@@ -262,27 +262,27 @@ impl LiveSystem {
         self.watch().view()
     }
 
-    /// The frames tracked so far with their poses after all corrections until now. As [`Watch::corrected_trajectory`].
+    /// The tracked frames with their current poses. As [`Watch::corrected_trajectory`].
     #[must_use]
     pub fn corrected_trajectory(&self) -> Vec<(TrajectoryEntry, Se3)> {
         self.watch().corrected_trajectory()
     }
 
-    /// A copy of the map as it is now, to be saved while the run goes on. As [`Watch::map`].
+    /// A copy of the current map, for saving during the run. As [`Watch::map`].
     #[must_use]
     pub fn map(&self) -> Option<Map> {
         self.watch().map()
     }
 
-    /// Frames dropped so far.
+    /// Number of dropped frames.
     #[must_use]
     pub fn dropped(&self) -> usize {
         self.dropped.len()
     }
 
-    /// Ends the stream, lets every stage do what there is to do, and gathers the result. A detector that does not answer is
-    /// waited for as long as [`LiveOptions::detector_patience`] says; subscribers until they have received what waits for them, or until
-    /// one of them has spent [`LiveOptions::subscriber_patience`] on a single event.
+    /// Ends the stream, lets every stage complete its work, and collects the result. Waits for a detector that does not answer up to
+    /// [`LiveOptions::detector_patience`]; for subscribers until they have received all pending events, or one has spent
+    /// [`LiveOptions::subscriber_patience`] on a single event.
     #[must_use]
     pub fn finish(self) -> LiveResult {
         self.boxes.detection.close();
@@ -293,7 +293,7 @@ impl LiveSystem {
             looping: (looping, looping_end),
             detection: (detector, detection_end),
         } = self.threads.finish(self.options.detector_patience);
-        // No stage has anything more to tell.
+        // No stage publishes any more.
         self.boxes.audience.close();
         for subscriber in self.subscribers {
             subscriber.finish(self.options.subscriber_patience);

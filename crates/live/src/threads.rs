@@ -1,4 +1,4 @@
-//! The threads of the stages: how they start, and how the run comes to their end.
+//! Starts and ends the threads of the stages.
 
 use crate::boxes::Boxes;
 use crate::budget::Budget;
@@ -18,13 +18,12 @@ use stillpoint_slam::{FrameGate, MappingEffort, Stages};
 /// A worker, and how its thread ended.
 type Finished<W> = (W, WorkerEnd);
 
-/// A detector's thread, and where it puts itself when it is done: joining it might take forever.
+/// A detector's thread, and the channel that returns it: joining might block forever.
 struct Detection {
     done: Receiver<Finished<DetectionWorker>>,
     thread: JoinHandle<()>,
 }
 
-/// The threads of one run.
 pub(crate) struct Threads {
     tracking: JoinHandle<Finished<TrackingWorker>>,
     mapping: JoinHandle<Finished<MappingWorker>>,
@@ -32,16 +31,14 @@ pub(crate) struct Threads {
     detection: Option<Detection>,
 }
 
-/// What they leave.
 pub(crate) struct Ends {
     pub(crate) tracking: Finished<TrackingWorker>,
     pub(crate) mapping: Finished<MappingWorker>,
     pub(crate) looping: Finished<LoopingWorker>,
-    /// None when there was none; no detector when its thread did not finish.
+    /// `None` without a detector; no detector if its thread did not finish.
     pub(crate) detection: (Option<Box<dyn Detector>>, Option<WorkerEnd>),
 }
 
-/// What the desks of one run have in common.
 struct Office {
     boxes: Arc<Boxes>,
     counter: Arc<AtomicU64>,
@@ -61,7 +58,7 @@ impl Office {
 }
 
 impl Threads {
-    /// Starts a thread for each stage; what lets frames in is not one of them and comes back.
+    /// Starts a thread for each stage; the frame gate is returned.
     pub(crate) fn start(
         boxes: &Arc<Boxes>,
         stages: Stages,
@@ -92,14 +89,14 @@ impl Threads {
         let mapping = MappingWorker::new(office.desk(Stage::Mapping), mapper, effort);
         let desk = office.desk(Stage::Tracking);
         let mut tracking = TrackingWorker::new(desk, (tracker, retracer, health), stride, budget);
-        // A log ends with a number of the whole trajectory.
+        // A log ends with a digest of the whole trajectory.
         tracking.keep_frames = options.keep_frames.filter(|_| !options.keep_log);
         let detection = detector.map(|detector| DetectionWorker {
             boxes: Arc::clone(boxes),
             hook: options.hook.clone(),
             detector,
         });
-        // In the order in which they wait for each other: whatever fails to start, those that did come to their end.
+        // In the order of waiting: if one fails to start, those before it still end.
         let detection = detection.map(start_detection).transpose()?;
         let tracking = spawn("tracking", tracking, TrackingWorker::run)?;
         let mapping =
@@ -121,7 +118,7 @@ impl Threads {
         self.detection.is_some()
     }
 
-    /// Waits for the ends of all, after the boxes of tracking and detection were closed; for a detector no longer than so long.
+    /// Waits for all threads, after the inboxes of tracking and detection were closed; for a detector up to a time limit.
     pub(crate) fn finish(self, detector_patience: Duration) -> Ends {
         let deadline = Instant::now() + detector_patience;
         Ends {
@@ -148,7 +145,7 @@ fn spawn<W: Send + 'static>(
     })
 }
 
-/// Waits for a thread's end. Its panics were caught inside; one that was not is a mistake of this crate, and goes on here.
+/// Joins a thread. Panics are caught inside; any other is a bug of this crate, and is resumed here.
 pub(crate) fn join<T>(thread: JoinHandle<T>) -> T {
     thread
         .join()
@@ -161,14 +158,14 @@ fn start_detection(worker: DetectionWorker) -> std::io::Result<Detection> {
     let thread = thread.spawn(move || {
         let mut worker = worker;
         let end = worker.run();
-        // Nobody listens any more when the detector was given up.
+        // The receiver is gone if the detector was abandoned.
         let _ = sender.send((worker, end));
     })?;
     Ok(Detection { done, thread })
 }
 
 impl Detection {
-    /// The detector and how its thread ended. A thread that does not end in time is left to itself.
+    /// The detector, and how its thread ended. A thread that does not end in time is abandoned.
     fn finish(self, deadline: Instant) -> (Option<Box<dyn Detector>>, Option<WorkerEnd>) {
         let patience = deadline.saturating_duration_since(Instant::now());
         match self.done.recv_timeout(patience) {

@@ -1,4 +1,4 @@
-//! The threads of tracking, mapping and looping: what each takes, in which order, and whom it tells.
+//! The threads of tracking, mapping and looping: their inputs and outputs.
 
 mod tracking;
 
@@ -15,11 +15,10 @@ use stillpoint_slam::{
     Subscriber,
 };
 
-/// Called by every thread before it waits for its next message, with the stage it runs: to set its priority at the first call,
-/// to count, or to delay it in a test.
+/// Called by every thread before it waits for its next message, with its stage: to set its priority at the first call, to count, or to
+/// delay it in a test.
 pub type Hook = Arc<dyn Fn(Stage) + Send + Sync>;
 
-/// What every thread has.
 pub(crate) struct Desk {
     pub(crate) stage: Stage,
     pub(crate) boxes: Arc<Boxes>,
@@ -33,8 +32,7 @@ impl Desk {
         self.boxes.rests(self.stage);
     }
 
-    /// Publishes an event to all subscribers. A stage does so before it hands on what it did, so that events that follow from it
-    /// come later.
+    /// Publishes an event to all subscribers. A stage does so before it passes on its results, so that dependent events come later.
     fn publish(&self, event: &Event) {
         if matches!(event, Event::Looped(_) | Event::Corrected { .. }) {
             self.boxes.loops.put(|l| l.receive(event));
@@ -49,11 +47,10 @@ pub(crate) fn call(hook: Option<&Hook>, stage: Stage) {
     }
 }
 
-/// Mapping.
 pub(crate) struct MappingWorker {
     pub(crate) desk: Desk,
     pub(crate) mapper: Mapper,
-    /// Work per keyframe when no other one waits, and as of now.
+    /// Effort per keyframe without a backlog, and the current one.
     full: MappingEffort,
     effort: MappingEffort,
     answers: u64,
@@ -72,7 +69,7 @@ impl MappingWorker {
         }
     }
 
-    /// Maps until tracking and looping have nothing more to say.
+    /// Runs mapping until tracking and looping have ended.
     pub(crate) fn run(&mut self) -> WorkerEnd {
         let boxes = Arc::clone(&self.desk.boxes);
         let end = guarded(&boxes, Stage::Mapping, || {
@@ -82,11 +79,11 @@ impl MappingWorker {
                 match work {
                     MappingWork::Message(message) => self.step(message),
                     MappingWork::Copy(to) => {
-                        // Nobody may wait for it any more.
+                        // The receiver may be gone.
                         let _ = to.send(self.mapper.map().clone());
                     }
                     MappingWork::TrackingIsOver => {
-                        // Should looping be over already, it has said so.
+                        // If looping has ended already, it has said so.
                         boxes.looping.put(|b| b.mapping_is_over = true);
                     }
                     MappingWork::Over => break,
@@ -125,8 +122,8 @@ impl MappingWorker {
 }
 
 impl MappingWorker {
-    /// Shares the work with the keyframes that wait: a map that lags behind the camera is worse than one that is less refined,
-    /// as what it lacks of new places cannot be tracked.
+    /// Divides the effort among queued keyframes: a map that lags behind the camera is worse than a less refined one, as missing new places
+    /// cannot be tracked.
     fn hurry(&mut self) {
         let is_keyframe = |m: &&MapperMsg| matches!(m, MapperMsg::Keyframe(_));
         let boxes = &self.desk.boxes;
@@ -142,7 +139,6 @@ impl MappingWorker {
     }
 }
 
-/// Looping.
 pub(crate) struct LoopingWorker {
     pub(crate) desk: Desk,
     pub(crate) loop_closer: LoopCloser,
@@ -158,7 +154,6 @@ impl LoopingWorker {
         }
     }
 
-    /// Looks for loops until mapping has nothing more to show.
     pub(crate) fn run(&mut self) -> WorkerEnd {
         let boxes = Arc::clone(&self.desk.boxes);
         let end = guarded(&boxes, Stage::Looping, || {

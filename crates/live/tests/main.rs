@@ -1,5 +1,5 @@
-//! Threads, queues and what a live run leaves.
+//! Tests of threads, queues and results of live runs.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise helpers as tests.
 
 mod live;

@@ -1,31 +1,31 @@
-//! The models that are known by name: where their makers publish them, and the checksums by which a download is verified.
+//! The known models: download addresses, and checksums for verification.
 
 use std::fmt;
 use stillpoint_inference::{CachedModel, Form, Record};
 
-/// A model that its maker publishes. Other programs may make their own and hand them to [`pull`](crate::pull()).
+/// A published model. Other programs may define their own and pass them to [`pull`](crate::pull()).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct KnownModel {
     /// The name in the cache, as in `models pull NAME` and `--detector NAME`.
     pub name: &'static str,
-    /// The name of the published file.
+    /// File name.
     pub file: &'static str,
-    /// Where it is published.
+    /// Address.
     pub url: &'static str,
-    /// Size of the published file, bytes, where it is known.
+    /// Size of the published file, bytes, if known.
     pub bytes: Option<u64>,
-    /// SHA-256 of the published file, 64 lower-case hexadecimal digits, where it is known.
+    /// SHA-256 of the published file, 64 lower-case hexadecimal digits, if known.
     pub sha256: Option<&'static str>,
     /// Licence of the weights.
     pub licence: &'static str,
-    /// What the published file is.
+    /// Format of the published file.
     pub form: Form,
-    /// One line for a listing.
+    /// Description, one line.
     pub about: &'static str,
 }
 
 impl KnownModel {
-    /// The record of the published file, which came from `source` (its own address, a mirror, a file).
+    /// Record of the published file, obtained from `source` (its own address, a mirror, a file).
     #[must_use]
     pub fn record(&self, source: &str, published: &[u8]) -> Record {
         Record {
@@ -41,7 +41,7 @@ impl fmt::Display for KnownModel {
     }
 }
 
-/// Where all known models are published: what a mirror replaces.
+/// Prefix of all addresses, which a mirror replaces.
 #[cfg(any(test, feature = "pull"))]
 pub(crate) const UPSTREAM: &str = "https://github.com";
 
@@ -79,8 +79,8 @@ static KNOWN: [KnownModel; 3] = [
     },
 ];
 
-/// All known models, from the most accurate to the fastest: the order for
-/// [`Cache::preferred`](stillpoint_inference::Cache::preferred), since who downloads a larger network wants it used.
+/// All known models, from the most accurate to the fastest: the order for [`Cache::preferred`](stillpoint_inference::Cache::preferred),
+/// since users who download a larger network want to use it.
 #[must_use]
 pub fn known_models() -> &'static [KnownModel] {
     &KNOWN
@@ -98,7 +98,7 @@ pub fn known_by_sha256(sha256: &str) -> Option<&'static KnownModel> {
     KNOWN.iter().find(|model| model.sha256 == Some(sha256))
 }
 
-/// The licence of a model's weights, where it is known: from its record, or because the file is a known one.
+/// The licence of a model's weights, if known: from its record, or because the file is a known one.
 #[must_use]
 pub fn licence(model: &CachedModel) -> Option<&str> {
     match model.record.as_ref().and_then(|r| r.licence.as_deref()) {

@@ -1,9 +1,8 @@
-//! Where detectors come from: models that are downloaded into the user's cache, and checkpoints that are turned into ONNX.
+//! Sources of detectors: downloads models into the user's cache, and converts checkpoints to ONNX.
 //!
-//! Answers: which models are known, and how one that is not here gets here. Does not run networks, and the cache is not its own
-//! (crate `inference`).
+//! Answers: which models are known, and how to obtain missing ones. Does not run networks, and does not own the cache (crate `inference`).
 
-// The server of the integration tests also serves those within the crate.
+// The server of the integration tests also serves the unit tests.
 #[cfg(test)]
 extern crate self as stillpoint_models;
 

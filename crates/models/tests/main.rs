@@ -1,6 +1,6 @@
 //! Downloads and the import of checkpoints.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise helpers as tests.
 
 mod import;
 mod pull;

@@ -1,4 +1,4 @@
-//! Downloads that arrive, break off and are resumed.
+//! Downloads that succeed, break off and are resumed.
 
 #![cfg(feature = "pull")]
 use crate::pull_support::*;
@@ -55,7 +55,7 @@ fn a_model_arrives_and_is_not_fetched_twice() {
     assert_eq!(forced.transferred, total);
     assert_eq!(server.requests().len(), 2);
 
-    // A model that was damaged since then is fetched again.
+    // A model that was damaged since then is downloaded again.
     std::fs::write(&pulled.model.onnx, b"damaged").unwrap();
     assert_eq!(
         get_once(&model, &scratch.cache, &server)
@@ -66,7 +66,7 @@ fn a_model_arrives_and_is_not_fetched_twice() {
     assert_eq!(scratch.files(), ["made-up.onnx", "made-up.record.toml"]);
 }
 
-/// A server that breaks off the first answer, and the cache after that.
+/// A server that breaks off the first response, and the cache after that.
 fn broken_off(
     sent: usize,
     headers: &'static str,
@@ -104,7 +104,7 @@ fn what_broke_off_is_resumed() {
             "ETag: W/\"v1\"\r\nLast-Modified: Sat, 31 Jan 2026 12:00:00 GMT\r\n",
             Some("Sat, 31 Jan 2026 12:00:00 GMT"),
         ),
-        // The checksum would find out if the file had changed.
+        // The checksum would detect a change of the file.
         ("ETag: W/\"v1\"\r\n", None),
     ] {
         let tag = validator.unwrap_or_default();
@@ -144,14 +144,14 @@ fn what_cannot_be_resumed_starts_over() {
         }
     };
     let cases = [
-        // The file changed, so that If-Range does not hold; a server that knows no ranges.
+        // The file changed, so If-Range does not hold; a server without ranges.
         broken_off(5_000, tag, move |r, stream| {
             serve(bytes, "\"v2\"", r, stream)
         }),
         broken_off(5_000, tag, move |_, stream| {
             reply(stream, "200 OK", "", bytes)
         }),
-        // Ranges that are not what was asked for.
+        // Ranges other than requested.
         broken_off(
             5_000,
             tag,
@@ -307,7 +307,7 @@ fn two_at_once_do_not_mix() {
     );
     assert!(e.to_string().contains("made-up"), "{e}");
     assert_eq!(first.unwrap().model.read().unwrap(), bytes);
-    // The lock file that stays is no lock.
+    // A remaining lock file is not a lock.
     assert!(get(&model, &scratch.cache, &server).is_ok());
 }
 
@@ -360,7 +360,7 @@ fn known_models_are_asked_for_at_a_mirror() {
         server.requests()[0].path,
         "/mirror/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0/yolox_nano.onnx"
     );
-    // What to get from where, how to check it, and where to put it.
+    // File, source, checksum and destination.
     for part in [
         nano.url,
         "3659407 bytes",

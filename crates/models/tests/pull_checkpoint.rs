@@ -1,4 +1,4 @@
-//! A checkpoint that is downloaded becomes a network with its card.
+//! A downloaded checkpoint becomes a network with its card.
 
 #![cfg(feature = "pull")]
 use crate::pull_support::*;

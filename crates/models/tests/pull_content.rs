@@ -1,4 +1,4 @@
-//! Files that are not what was published: longer, shorter, others, web pages; and those of which nothing is known.
+//! Files other than the published one: longer, shorter, different, web pages; and files of unknown size and checksum.
 
 #![cfg(feature = "pull")]
 use crate::pull_support::*;
@@ -9,7 +9,7 @@ use stillpoint_models::{Checksum, FetchError, KnownModel, PullError, PullOptions
 fn lengths_are_not_believed() {
     let bytes = made_up_bytes();
     let model = model(bytes);
-    // More or less than was published, and it says so.
+    // More or less than was published, with a correct length.
     for body in [&bytes[1..], b"", &[0; 300_000]] {
         let e = fails(&model, move |_, _, stream| {
             reply(stream, "200 OK", "", body)
@@ -20,7 +20,7 @@ fn lengths_are_not_believed() {
         );
         assert!(e.to_string().contains("expected 200003 bytes"), "{e}");
     }
-    // The same without a word: the end of the connection is the end of the file.
+    // The same without a length: the end of the connection is the end of the file.
     let open = b"HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n";
     let e = fails(&model, |_, _, stream| {
         send(stream, open);
@@ -32,7 +32,7 @@ fn lengths_are_not_believed() {
         send(stream, &bytes[..1000]);
     });
     assert_eq!(broke_off(result, &scratch).0, 1000);
-    // In submaps, without an end.
+    // Chunked, without an end.
     let e = fails(&model, |_, _, stream| {
         send(
             stream,
@@ -49,7 +49,7 @@ fn lengths_are_not_believed() {
         matches!(e, PullError::Fetch(FetchError::Size { .. })),
         "{e}"
     );
-    // A size that no model has, where none is known.
+    // A size beyond any model, of an unknown model.
     let e = fails(&unknown(), |_, _, stream| {
         send(
             stream,
@@ -62,7 +62,7 @@ fn lengths_are_not_believed() {
             .contains("at most 536870912 bytes, found 600000000"),
         "{e}"
     );
-    // A part, of which the server says another total than was published.
+    // A partial response with another total than published.
     let e = fails(&model, |number, request, stream| {
         assert_eq!(number, 0);
         let _ = request;
@@ -146,7 +146,7 @@ fn the_first_download_is_recorded_where_no_checksum_is_known() {
             .transferred,
         0
     );
-    // The record outlives the model.
+    // The record remains after the model.
     for file in ["made-up.onnx", "made-up.record.toml"] {
         std::fs::remove_file(scratch.cache.folder().join(file)).unwrap();
     }
@@ -183,7 +183,7 @@ fn the_first_download_is_recorded_where_no_checksum_is_known() {
     assert_eq!(third.model.read().unwrap(), b"other");
 }
 
-/// Without a validator and without a checksum nobody could tell that the file changed in between.
+/// Without a validator and without a checksum, a change of the file in between would go unnoticed.
 #[test]
 fn parts_that_nothing_vouches_for_are_not_resumed() {
     let bytes = made_up_bytes();
@@ -225,7 +225,7 @@ fn another_model_of_the_name_is_not_replaced_unasked() {
         assert_eq!(scratch.files(), ["made-up.onnx", "made-up.toml"]);
         assert!(server.requests().is_empty());
     }
-    // Asked for, and damaged.
+    // Requested, and damaged.
     for (damage, known) in [(false, model(b"model")), (true, unknown())] {
         let scratch = Scratch::with_older();
         let pulled = if damage {
@@ -238,7 +238,7 @@ fn another_model_of_the_name_is_not_replaced_unasked() {
         assert_eq!(pulled.model.read().unwrap(), b"model");
         assert_eq!(pulled.model.card, None);
     }
-    // What a download brought is not the user's own, although its checksum is on record no more.
+    // A downloaded file is not the user's own, even after its checksum was removed.
     let scratch = Scratch::new();
     get_once(&unknown(), &scratch.cache, &server).unwrap();
     let recorded = scratch.cache.folder().join("made-up.sha256");

@@ -1,4 +1,5 @@
-//! Servers and networks that fail: every failure is reported, leaves no half file, and leaves an older model as it was.
+//! Failing servers and networks: every failure is reported, leaves no partial file under a model's name, and leaves an older model
+//! unchanged.
 
 #![cfg(feature = "pull")]
 use crate::pull_support::*;
@@ -95,7 +96,7 @@ fn odd_redirects_are_refused() {
         );
         assert!(e.to_string().contains(part), "{e}");
     }
-    // The body of a redirect is not waited for.
+    // The body of a redirect is not read.
     let (result, scratch, _server) = fetch(&model, |number, request, stream| {
         if number > 0 {
             return serve(b"model", "\"v1\"", request, stream);
@@ -139,7 +140,7 @@ fn silence_ends() {
     assert_eq!((received, reason.as_str()), (30_000, "no more in time"));
 }
 
-/// A slow line is not a broken one: there is a limit for each wait, and none for the whole.
+/// A slow connection is not a broken one: each wait is limited, the total is not.
 #[test]
 fn slowness_is_borne() {
     let limit = Duration::from_secs(2);
@@ -189,7 +190,7 @@ fn no_server_is_reported() {
         }
     }
     scratch.assert_older(&[]);
-    // Encryption is asked for, and the server speaks without.
+    // Encryption is requested, and the server does not support it.
     let server = Server::of(b"model");
     let secure = PullOptions {
         base: Some(server.base.replace("http", "https")),

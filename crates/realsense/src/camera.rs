@@ -1,4 +1,4 @@
-//! A camera that is found, started and described.
+//! Finds, starts and describes a camera.
 
 use crate::description::{pair, pose};
 use crate::error::{RealSenseError, Result};
@@ -14,15 +14,15 @@ use stillpoint_geometry::ImuModel;
 use stillpoint_imaging::FrameSource;
 use stillpoint_recordings::{Device, RawFrames, RecordingError};
 
-/// Oldest version that has all that is used, as the library counts.
+/// Oldest version with all required functions, in the library's numbering.
 const OLDEST: i32 = 25_000;
-/// Frames that are waited for at the start, ms each: a camera that was just connected takes seconds.
+/// Maximum wait for the first frames, ms each: a camera that was just connected takes seconds.
 const FIRST_WAIT: u32 = 5000;
 
-/// Which camera, and how it is to run.
+/// Selects a camera and its settings.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Its serial number; `None` for the one that is connected.
+    /// Its serial number; `None` for the only connected one.
     pub serial: Option<String>,
     /// A recording (`.bag`, `.db3`) that librealsense plays in place of a camera.
     pub playback: Option<PathBuf>,
@@ -30,11 +30,11 @@ pub struct Options {
     pub size: (u32, u32),
     /// Frames per second.
     pub rate: u32,
-    /// Whether the projector of the depth camera is on; `None` leaves it as it is.
+    /// Whether the projector of the depth camera is on; `None` leaves it unchanged.
     pub emitter: Option<bool>,
-    /// Exposure of the colour camera, ms; `None` lets the camera choose.
+    /// Exposure of the colour camera, ms; `None` for automatic exposure.
     pub exposure: Option<f64>,
-    /// Whether its inertial sensor runs too, where it has one (D435i, D455).
+    /// Whether to start its inertial sensor, if present (D435i, D455).
     pub inertial: bool,
 }
 
@@ -52,19 +52,19 @@ impl Default for Options {
     }
 }
 
-/// A camera, which runs.
+/// A running camera.
 #[derive(Debug)]
 pub struct RealSense {
     name: String,
     guesses: Vec<String>,
     raw: Arc<RawFrames>,
-    /// What runs, until its frames are asked for.
+    /// The running camera, until its frames are requested.
     started: Mutex<Option<Started>>,
 }
 
-/// What runs, and how to start it again.
+/// A running camera, and the means to restart it.
 pub(crate) struct Started {
-    /// The pair by which it was described, the first of the frames.
+    /// The first pair of images, which also described the camera.
     pub(crate) first: Option<Images>,
     pub(crate) api: Arc<Api>,
     pub(crate) running: Running,
@@ -82,7 +82,6 @@ impl std::fmt::Debug for Started {
 }
 
 impl Started {
-    /// Starts it, and sets what is to be set.
     pub(crate) fn start(
         api: Arc<Api>,
         wanted: Wanted,
@@ -116,7 +115,7 @@ impl RealSense {
     /// Finds the library and the camera, and starts it.
     ///
     /// # Errors
-    /// No library, no camera or several, or one that gives no images.
+    /// No library, no camera or several, or one without images.
     pub fn open(options: &Options) -> Result<Self> {
         let (api, library) = load()?;
         let wanted = wanted(&api, options)?;
@@ -209,7 +208,6 @@ impl Device for RealSense {
     }
 }
 
-/// The first library that can be used.
 fn load() -> Result<(Arc<Api>, String)> {
     let mut reason = None;
     for file in candidates(&|name| std::env::var_os(name)) {
@@ -287,12 +285,11 @@ fn wanted(api: &Api, options: &Options) -> Result<Wanted> {
     })
 }
 
-/// What is set at the start.
 fn settings(options: &Options) -> Vec<Setting> {
     if options.playback.is_some() {
         return Vec::new();
     }
-    // In the dark frames would come at half their rate.
+    // Otherwise frames would come at half their rate in the dark.
     let mut all = vec![Setting {
         sensor: "RGB",
         option: "Auto Exposure Priority",
@@ -319,7 +316,7 @@ fn settings(options: &Options) -> Vec<Setting> {
     all
 }
 
-/// What the cameras are, by the first pair of images.
+/// Description of the cameras from the first pair of images.
 fn first(running: &Running) -> std::result::Result<(Images, Description), String> {
     let until = Instant::now() + Duration::from_millis(FIRST_WAIT.into());
     let mut left = 10;
@@ -338,7 +335,7 @@ fn first(running: &Running) -> std::result::Result<(Images, Description), String
     Err("images of one camera only".to_owned())
 }
 
-/// Starts it with its inertial sensor, or without one where it has none.
+/// Starts it with its inertial sensor, if it has one.
 fn start(
     api: &Arc<Api>,
     wanted: Wanted,

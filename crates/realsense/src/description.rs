@@ -1,4 +1,4 @@
-//! What the library says of a camera, as the tables that make frames take it.
+//! Converts the library's camera description to calibrations.
 
 use crate::library::{Description, Extrinsics, Intrinsics};
 use stillpoint_geometry::Se3;
@@ -21,7 +21,7 @@ fn info((i, model): &(Intrinsics, String)) -> CameraInfo<'static> {
     }
 }
 
-/// A pose as the library has it; none where its rotation is none.
+/// The library's pose; `None` if its rotation is invalid.
 pub(crate) fn pose(found: &Extrinsics) -> Option<Se3> {
     let matrix = Matrix3::from_column_slice(&found.rotation.map(f64::from));
     if !matrix.iter().all(|v| v.is_finite()) || (matrix.determinant() - 1.0).abs() > 0.01 {
@@ -32,7 +32,7 @@ pub(crate) fn pose(found: &Extrinsics) -> Option<Se3> {
     Some(Se3::new(rotation, Vector3::new(x, y, z)))
 }
 
-/// Both cameras of a device; what is wrong with them else.
+/// Both cameras of a device, or the problem.
 pub(crate) fn pair(name: &str, d: &Description) -> std::result::Result<Pair<'static>, String> {
     let colour_from_depth = pose(&d.colour_from_depth).ok_or_else(|| {
         format!(

@@ -1,48 +1,48 @@
-//! Why there is no camera.
+//! Errors of cameras.
 
 use std::path::PathBuf;
 
-/// Why a camera does not run.
+/// Error: a camera cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RealSenseError {
-    /// There is no library.
+    /// The library is missing.
     #[error(
         "expected librealsense 2.50 or later, found {found}; install it (Intel's packages: librealsense2; ROS 2: ros-$ROS_DISTRO-librealsense2; Homebrew: librealsense), or name its file in {}",
         crate::VARIABLE
     )]
     Library {
-        /// What there is.
+        /// Finding.
         found: String,
     },
-    /// A library that cannot be used.
+    /// An unusable library.
     #[error("{}: expected librealsense 2.50 or later, found {found}; name another file in {}", library.display(), crate::VARIABLE)]
     Unusable {
         /// The file.
         library: PathBuf,
-        /// What it is.
+        /// The problem.
         found: String,
     },
-    /// Not the camera that is asked for, or more than one.
+    /// The requested camera is missing or ambiguous.
     #[error("expected {expected}, found {found}; {advice}")]
     Device {
-        /// What was asked for.
+        /// The request.
         expected: String,
-        /// What is connected.
+        /// The connected devices.
         found: String,
-        /// What to do.
+        /// Remedy.
         advice: &'static str,
     },
-    /// It does not start, or gives no images.
+    /// It does not start, or sends no images.
     #[error("{device}: expected {expected}, found: {found}; {advice}")]
     Start {
         /// The device.
         device: String,
-        /// What was asked for.
+        /// The request.
         expected: String,
-        /// What the library said.
+        /// Error of the library.
         found: String,
-        /// What to do.
+        /// Remedy.
         advice: &'static str,
     },
 }

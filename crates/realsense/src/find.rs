@@ -1,14 +1,14 @@
-//! Where librealsense's shared library may be. Looks at names of files only.
+//! Possible paths of librealsense's shared library. Reads file names only.
 
 use std::collections::BTreeSet;
 use std::env::consts;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// The variable that names the library, or the folder that it is in.
+/// The variable with the path of the library or of its folder.
 pub const VARIABLE: &str = "STILLPOINT_REALSENSE";
 
-/// How the library's file begins: a version may follow.
+/// Beginnings of the library's file name: a version may follow.
 const NAMES: &[&str] = if cfg!(windows) {
     &["realsense2.dll"]
 } else if cfg!(target_vendor = "apple") {
@@ -17,7 +17,7 @@ const NAMES: &[&str] = if cfg!(windows) {
     &["librealsense2.so"]
 };
 
-/// Files to try, in order: what the variable names and nothing else, or else what ROS, the linker's variables and the system have.
+/// Files to try, in order: only the variable's, if set, else those of ROS, the linker's variables and the system.
 pub(crate) fn candidates(environment: &dyn Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
     search(environment, Path::new("/opt/ros"), &system())
 }
@@ -37,7 +37,7 @@ fn search(
     }
     let paths = |name: &str| -> Vec<PathBuf> {
         let value = variable(name).unwrap_or_default();
-        // An empty entry means the working directory, which anybody may have filled.
+        // An empty entry denotes the working directory, which is not trusted.
         let absolute = std::env::split_paths(&value).filter(|p| p.is_absolute());
         absolute.collect()
     };
@@ -57,7 +57,7 @@ fn search(
     found
 }
 
-/// Folders of libraries below a prefix.
+/// Library folders below a prefix.
 fn libs(prefix: &Path) -> Vec<PathBuf> {
     let lib = prefix.join("lib");
     let machine = lib.join(format!("{}-linux-gnu", consts::ARCH));
@@ -82,7 +82,7 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The libraries in a folder, those with the highest version first.
+/// The libraries in a folder, the highest version first.
 fn libraries(folder: &Path) -> Vec<PathBuf> {
     let is_one = |file: &PathBuf| {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
@@ -118,7 +118,7 @@ mod tests {
         assert_eq!(found(None), [elsewhere, ros]);
         assert_eq!(found(Some(&root.path().join("own"))), [own.clone(), old]);
         assert_eq!(found(Some(&own)), [own]);
-        // What is named and absent is reported, not replaced.
+        // A missing named file is reported, not replaced.
         let gone = root.path().join("gone.so");
         assert_eq!(found(Some(&gone)), [gone]);
     }

@@ -1,15 +1,14 @@
-//! Gyroscope and accelerometer of a camera, whose samples come apart, as one sensor.
+//! Joins separate samples of gyroscope and accelerometer into one sensor's.
 
 use crate::library::Motion;
 use std::collections::VecDeque;
 use stillpoint_imaging::ImuSample;
 
-/// A rate waits for a force that came after it for so long at most, microseconds: by then the accelerometer is gone.
+/// Maximum wait of a rate for a later force, microseconds: after that the accelerometer has failed.
 const PATIENCE_US: i64 = 50_000;
-/// Samples that wait, at most: a second of the fastest.
+/// Maximum number of waiting samples: a second of the fastest.
 const MOST: usize = 512;
 
-/// What waits for its other half.
 #[derive(Debug, Default)]
 pub(crate) struct Joined {
     rates: VecDeque<Motion>,
@@ -17,7 +16,7 @@ pub(crate) struct Joined {
 }
 
 impl Joined {
-    /// Takes a sample. What comes late is left out.
+    /// Adds a sample. Late ones are dropped.
     pub(crate) fn take(&mut self, motion: Motion) {
         let list = if motion.is_rate {
             &mut self.rates
@@ -49,7 +48,7 @@ impl Joined {
                 break;
             }
             self.rates.pop_front();
-            // The last one before the rate stays: the next rate may be before the next force.
+            // Keep the last force before the rate: the next rate may precede the next force.
             while self
                 .forces
                 .get(1)
@@ -66,7 +65,7 @@ impl Joined {
         all
     }
 
-    /// Between the forces around a time; the nearest one beside them, and none where there is none.
+    /// Interpolated force at a time; outside the range the nearest one, and zero if there is none.
     fn force_at(&self, stamp_us: i64) -> [f64; 3] {
         let Some(before) = self.forces.front() else {
             return [0.0; 3];

@@ -1,7 +1,7 @@
-//! Intel RealSense cameras as they run.
+//! Live Intel RealSense cameras.
 //!
-//! Answers: which cameras are connected, what their lenses are, and what they see now. Knows nothing of what is done with the frames. librealsense is loaded when a
-//! camera is asked for: neither builds nor runs need it otherwise.
+//! Answers: the connected cameras, their calibration, and their frames. Does not know the use of the frames. librealsense is loaded when a
+//! camera is requested: neither builds nor other runs need it.
 //!
 //! ```no_run
 //! use stillpoint_realsense::{Options, RealSense};

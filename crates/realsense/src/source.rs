@@ -1,4 +1,4 @@
-//! The frames of a camera that runs, which may be unplugged and come back.
+//! The frames of a running camera, which may be unplugged and reconnected.
 
 use crate::camera::Started;
 use crate::inertial::Joined;
@@ -9,21 +9,19 @@ use stillpoint_imaging::{FrameId, FrameSource, ImuSample, RgbdFrame, SourceError
 use stillpoint_recordings::RawFrames;
 use stillpoint_ros_messages as ros;
 
-/// A camera that gives nothing for so long is not there, ms.
+/// A camera without images for this time is lost, ms.
 const WAIT: u32 = 1000;
-/// A depth image that was paired before is as far as this from the colour image at most, microseconds: half a frame at 25 Hz.
+/// Maximum time between a reused depth image and the colour image, microseconds: half a frame at 25 Hz.
 const FARTHEST_US: i64 = 20_000;
-/// What is added to the stamp of a depth image that serves twice, microseconds: no two images of a recording have the same stamp.
+/// Added to the stamp of a reused depth image, microseconds: no two images of a recording have the same stamp.
 const TWICE_US: i64 = 10;
-/// How often a camera that is gone is looked for.
+/// Interval of attempts to find a lost camera.
 const LOOK: Duration = Duration::from_millis(500);
 /// Number of attempts to find a missing camera before the next error reports it. The program handles a request to stop between errors.
 const LOOKS: usize = 6;
 
-/// The frames.
 pub(crate) struct Frames {
     started: Option<Started>,
-    /// How to start it again when it is gone.
     again: Option<Again>,
     raw: Arc<RawFrames>,
     keep_colour: bool,
@@ -33,14 +31,13 @@ pub(crate) struct Frames {
     inertial: Joined,
 }
 
-/// What is known of a camera that is gone.
 struct Again {
     start: Box<dyn Fn() -> Result<Started, String> + Send>,
     name: String,
 }
 
 impl Again {
-    /// Waits for it for a while.
+    /// Waits for it for a limited time.
     fn wait(&self) -> Result<Started, SourceError> {
         for _ in 0..LOOKS {
             if let Ok(started) = (self.start)() {
@@ -68,7 +65,7 @@ impl Frames {
         }
     }
 
-    /// After the camera gave nothing: stops it, and tells that once.
+    /// Stops a camera without images, and reports that once.
     fn lose(&mut self, started: Started, reason: &str) -> SourceError {
         let Started {
             api,
@@ -95,7 +92,7 @@ impl Frames {
         }
     }
 
-    /// The next pair of images that is none of before, if one comes within `wait`, ms; samples of the inertial sensor are taken along.
+    /// The next new pair of images, if one comes within `wait`, ms; samples of the inertial sensor are collected.
     fn images(&mut self, started: &Started, wait: u32) -> Result<Option<Box<Images>>, String> {
         let until = Instant::now() + Duration::from_millis(wait.into());
         loop {
@@ -104,7 +101,7 @@ impl Frames {
                 News::Motion(motion) => self.inertial.take(motion),
                 News::Nothing => return Ok(None),
             }
-            // An inertial sensor alone is no camera.
+            // A camera that sends only inertial samples is lost.
             if wait == WAIT && Instant::now() > until {
                 return Err("samples of the inertial sensor only".to_owned());
             }
@@ -137,21 +134,20 @@ impl Frames {
     }
 }
 
-/// Whether a pair has another colour image than the last one, by their stamps: where one of the two comes late, librealsense pairs the other twice. A depth image
-/// may serve twice where it is near enough.
+/// Whether the colour image of a pair is new, by stamps: if one of the two is late, librealsense pairs the other twice. A depth image may
+/// be reused if near enough.
 fn is_news(last: Option<(i64, i64)>, (colour, depth): (i64, i64)) -> bool {
     last.is_none_or(|last| {
         colour != last.0 && (depth != last.1 || (colour - depth).abs() <= FARTHEST_US)
     })
 }
 
-/// Microseconds as seconds, rounded as recordings have them: a recording of the run has the same stamps.
+/// Microseconds as seconds, rounded as in recordings: a recording of the run has the same stamps.
 pub(crate) fn seconds(us: i64) -> f64 {
     let (whole, rest) = (us.div_euclid(1_000_000), us.rem_euclid(1_000_000));
     whole as f64 + (rest * 1000) as f64 / 1e9
 }
 
-/// An image as the codecs know it.
 fn message<'a>(image: &'a Image, encoding: &'static str) -> ros::Image<'a> {
     ros::Image {
         height: image.height,
@@ -179,7 +175,7 @@ impl FrameSource for Frames {
                 return Some(self.frame(&images));
             }
             let has_ended = started.running.has_ended();
-            // Of a recording at its end what waits is still to be read.
+            // At the end of a recording, waiting frames are still read.
             let wait = if has_ended { 1 } else { WAIT };
             match self.images(&started, wait) {
                 Ok(Some(images)) => {
@@ -211,7 +207,7 @@ mod tests {
         let last = Some((100_000, 104_000));
         assert!(is_news(None, (100_000, 104_000)));
         assert!(is_news(last, (133_333, 137_000)));
-        // The depth of before is near, or a frame old.
+        // The previous depth image is near, or a frame old.
         assert!(is_news(last, (120_000, 104_000)));
         assert!(!is_news(last, (133_333, 104_000)));
         assert!(!is_news(last, (100_000, 137_000)));

@@ -1,12 +1,12 @@
-//! Recordings of RealSense cameras, played by librealsense and read by ourselves. They need `STILLPOINT_REALSENSE`; one that is PyPI's `pyrealsense2` loads only
-//! where libpython was loaded before (`LD_PRELOAD`).
+//! Recordings of RealSense cameras, played by librealsense and read by this project. They need `STILLPOINT_REALSENSE`; the library of
+//! PyPI's `pyrealsense2` loads only if libpython was loaded before (`LD_PRELOAD`).
 
 use std::path::PathBuf;
 use stillpoint_imaging::{FrameSource, ImuSample, RgbdFrame};
 use stillpoint_realsense::{Options, RealSense, VARIABLE};
 use stillpoint_recordings::{Device, FrameOptions, OpenOptions, open};
 
-/// A recording, and the same as a camera that librealsense plays.
+/// A recording, and the same as a camera played by librealsense.
 fn played(path: PathBuf) -> Option<(RealSense, PathBuf)> {
     if std::env::var_os(VARIABLE).is_none() {
         stillpoint_testdata::skipped("STILLPOINT_REALSENSE names no librealsense");
@@ -68,7 +68,7 @@ fn gyroscope_and_accelerometer_come_between_the_frames() {
         assert!((7.0..13.0).contains(&force), "{s:?}");
     }
     assert!(samples.iter().any(|s| s.angular_rate[1].abs() > 0.1));
-    // Played as without it.
+    // Images are the same as without it.
     let plain = Options {
         playback: std::env::var_os("STILLPOINT_REALSENSE_INERTIAL").map(PathBuf::from),
         inertial: false,
@@ -111,7 +111,7 @@ fn a_recorded_camera_gives_what_its_file_holds() {
         (a.fx - b.fx).abs() < 1e-4 && (a.cy - b.cy).abs() < 1e-4,
         "{a:?} {b:?}"
     );
-    // One pair of images is in it: the colour image, and the second depth image, which `rs.align` brought into the colour camera.
+    // It contains one pair of images: the colour image, and the second depth image, registered to the colour camera by `rs.align`.
     let [frame] = found.as_slice() else {
         panic!("{} frames", found.len());
     };

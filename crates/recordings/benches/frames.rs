@@ -1,4 +1,4 @@
-//! Time to make frames of raw images: `cargo bench -p stillpoint-recordings`. What registration takes is the difference of the two.
+//! Time to make frames of raw images: `cargo bench -p stillpoint-recordings`. The difference of the two is the time of registration.
 
 use divan::{Bencher, black_box};
 use stillpoint_geometry::{Se3, Vec3, so3};
@@ -33,7 +33,7 @@ fn image(encoding: &'static str, bytes: u32, data: Vec<u8>) -> Image<'static> {
     }
 }
 
-/// A room of 1 to 4 m with steps, without a hole, by `pair`'s cameras.
+/// A room of 1 to 4 m with steps and without holes, seen by `pair`'s cameras.
 fn frames(bencher: Bencher<'_, '_>, colour_from_depth: Option<Se3>, d: &[f64], size: f64) {
     let mut pair = Pair {
         name: "bench".to_owned(),
@@ -69,13 +69,12 @@ fn beside() -> Option<Se3> {
     Some(Se3::new(turned, Vec3::new(0.015, 0.0, 0.0)))
 }
 
-/// As a RealSense D435 has it: another focal length, 15 mm beside.
+/// As on a RealSense D435: different focal lengths, 15 mm baseline.
 #[divan::bench]
 fn depth_registered(bencher: Bencher<'_, '_>) {
     frames(bencher, beside(), &[0.0; 5], 0.63);
 }
 
-/// Into a colour camera with lens distortion.
 #[divan::bench]
 fn depth_registered_with_distortion(bencher: Bencher<'_, '_>) {
     frames(bencher, beside(), &[0.1, -0.2, 0.001, 0.0005, 0.05], 0.63);

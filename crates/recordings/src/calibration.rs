@@ -1,33 +1,29 @@
-//! Which camera a camera info describes, when images of a size were taken with it: binning and regions of interest, as REP 104 has them.
+//! Derives the camera of images of a given size from a camera info: binning and regions of interest, as in REP 104.
 
 use crate::decode::Bad;
 use crate::optics::{Optics, is_calibrated};
 use stillpoint_ros_messages::CameraInfo;
 
-/// A camera of images, and what has to be known of how it was found.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Calibration {
     pub(crate) optics: Optics,
-    /// What was taken from the camera info beyond its matrix, one sentence each.
     pub(crate) guesses: Vec<String>,
-    /// What contradicts itself in it.
     pub(crate) warnings: Vec<String>,
 }
 
-/// The part of the sensor's image that was read out, and how many of its pixels make one.
+/// The region of the sensor's image that was read out, and the binning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Readout {
     corner: [u32; 2],
     size: [u32; 2],
     binning: [u32; 2],
-    /// Size of what it is a part of.
     of: [u32; 2],
 }
 
 impl Readout {
     fn new(info: &CameraInfo<'_>) -> Self {
         let roi = &info.roi;
-        // A region without a size reaches as far as the image.
+        // A region without a size extends to the image border.
         let side = |stated: u32, from: u32, all: u32| match stated {
             0 => all.saturating_sub(from),
             stated => stated,
@@ -43,7 +39,7 @@ impl Readout {
         }
     }
 
-    /// Whether images of this size are what was read out; what is left at the border may be a pixel or none.
+    /// Whether images of this size match the readout, with or without an incomplete bin at the border.
     fn gives(&self, size: [u32; 2]) -> bool {
         (0..2).all(|i| {
             let (side, binning) = (self.size[i], self.binning[i]);
@@ -55,7 +51,7 @@ impl Readout {
         (0..2).all(|i| u64::from(self.corner[i]) + u64::from(self.size[i]) <= u64::from(self.of[i]))
     }
 
-    /// The camera of what was read out, as image_geometry computes it.
+    /// Camera of the readout, computed as by image_geometry.
     fn apply(&self, whole: &Optics) -> Optics {
         let [fx, fy, cx, cy] = whole.k;
         let [bx, by] = self.binning.map(f64::from);
@@ -82,16 +78,16 @@ impl std::fmt::Display for Readout {
     }
 }
 
-/// Whether images of a size can be those that an info describes.
+/// Whether a camera info can describe images of this size.
 pub(crate) fn fits(info: &CameraInfo<'_>, size: (u32, u32)) -> bool {
     let stated = (info.width, info.height);
     stated == size || stated == (0, 0) || Readout::new(info).gives([size.0, size.1])
 }
 
-/// The camera of images of this size. `rectified`: as in [`Optics::new`]; `name`: what the info is called in messages.
+/// The camera of images of this size. `rectified`: as in [`Optics::new`]; `name`: the info's name in messages.
 ///
 /// # Errors
-/// What is no calibration, belongs to images of another size, or has figures that no camera has.
+/// No calibration, one for another size, or impossible values.
 pub(crate) fn of_images(
     info: &CameraInfo<'_>,
     rectified: bool,
@@ -115,7 +111,7 @@ pub(crate) fn of_images(
     Ok(found)
 }
 
-/// The camera of what was read out of the sensor's image.
+/// The camera of the region that was read out of the sensor's image.
 fn read_out(
     info: &CameraInfo<'_>,
     whole: Optics,
@@ -165,7 +161,7 @@ fn read_out(
             .push(format!("{name} states {readout}, which is applied"));
         return Ok(found);
     }
-    // REP 104 has K of the whole sensor. Drivers that state the region as the whole may have moved the principal point as well.
+    // By REP 104, K refers to the whole sensor. Drivers that state the region as the whole image may have moved the principal point too.
     let [_, _, cx, cy] = whole.k;
     let ends = if applied.check().is_ok() || found.optics.check().is_err() {
         found.optics = applied;
@@ -234,7 +230,7 @@ mod tests {
             k(&info(region, 2), (240, 180)),
             Ok([260.0, 261.0, 120.0, 100.0])
         );
-        // A region without a size, and one that does not divide.
+        // A region without a size, and one not divisible by the binning.
         assert_eq!(
             k(&info([80, 40, 0, 0], 1), (560, 440)),
             Ok([520.0, 522.0, 240.0, 200.0])
@@ -249,7 +245,7 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_said_or_refused() {
-        // Images of the whole size in spite of a binning.
+        // Images of the whole size despite a binning.
         let whole = of(&info([0; 4], 2), (640, 480)).unwrap();
         assert_eq!(whole.optics.k[0], 520.0);
         assert!(
@@ -257,7 +253,7 @@ mod tests {
                 && whole.warnings[0].contains("not applied"),
             "{whole:?}"
         );
-        // A region that is larger than what it is of.
+        // A region larger than the image.
         let mut cropped = info([80, 40, 240, 200], 1);
         (cropped.width, cropped.height) = (240, 200);
         cropped.k[2] = 180.0;
@@ -269,12 +265,12 @@ mod tests {
             said.contains("240 x 200 px at (80, 40)") && said.contains("does not fit"),
             "{said}"
         );
-        // K was moved already.
+        // K already refers to the region.
         cropped.k[2] = 90.0;
         cropped.k[5] = 50.0;
         let kept = of(&cropped, (240, 200)).unwrap();
         assert_eq!(kept.optics.k[2..], [90.0, 50.0]);
-        // Another size altogether.
+        // An unrelated size.
         let refused = of(&info([80, 40, 480, 360], 1), (320, 240)).unwrap_err();
         for part in ["640 x 480 px", "480 x 360 px at (80, 40)"] {
             assert!(refused.expected.contains(part), "{refused:?}");

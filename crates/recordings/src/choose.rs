@@ -1,4 +1,4 @@
-//! Which topics are the camera's: pairs of colour and depth are scored by what they have in common.
+//! Chooses the camera's topics: scores pairs of colour and depth by their similarity.
 
 use crate::error::{RecordingError, Result};
 use crate::names::{Says, common_parts, few, says, says_registered};
@@ -6,25 +6,22 @@ use crate::probe::{Probe, Shows, Stream, base};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Topics that the user named.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Named<'a> {
     pub(crate) colour: Option<&'a str>,
     pub(crate) depth: Option<&'a str>,
 }
 
-/// The chosen topics.
 #[derive(Clone, Debug)]
 pub(crate) struct Pair {
     pub(crate) colour: Stream,
     pub(crate) depth: Stream,
-    /// Why these, in words.
     pub(crate) reasons: String,
     score: i32,
 }
 
 impl Pair {
-    /// Two streams that nobody has to choose.
+    /// Two streams given by the caller.
     pub(crate) fn of(colour: Stream, depth: Stream) -> Self {
         Self {
             colour,
@@ -35,10 +32,10 @@ impl Pair {
     }
 }
 
-/// Pairs that a message lists.
 const MOST_LISTED: usize = 10;
 
-/// Whether a stream may be taken for depth without being named. An encoding alone is no evidence: confidences, disparities and infrared images have the same. Two transports carry nothing else than depth.
+/// Whether a stream may be chosen as depth automatically. The encoding alone is no evidence, since confidence, disparity and infrared
+/// images share it; two transports carry only depth.
 fn may_be_depth(stream: &Stream) -> bool {
     let by_device = crate::orbbec::frame(&stream.topic).is_some();
     match says(&stream.topic) {
@@ -61,7 +58,7 @@ pub(crate) fn choose(path: &Path, probe: &Probe, named: Named<'_>) -> Result<Pai
             depths.iter().map(move |d| pair(&reached, c, d))
         })
         .collect();
-    // Equal scores keep the order of the file.
+    // The stable sort keeps the order of the file for equal scores.
     pairs.sort_by_key(|p| std::cmp::Reverse(p.score));
     let best = pairs[0].clone();
     let rivals: Vec<&Pair> = pairs[1..].iter().filter(|p| is_rival(p, &best)).collect();
@@ -86,7 +83,7 @@ pub(crate) fn choose(path: &Path, probe: &Probe, named: Named<'_>) -> Result<Pai
     Ok(best)
 }
 
-/// Whether a pair could as well be meant. Another camera may score a little less because its names are less telling.
+/// Whether a pair is equally plausible. Another camera may score a little lower because its names are less descriptive.
 fn is_rival(pair: &Pair, best: &Pair) -> bool {
     let apart = pair.colour.base != best.colour.base && pair.depth.base != best.depth.base;
     pair.score == best.score || (apart && best.score - pair.score <= 2)
@@ -99,7 +96,7 @@ fn candidates<'p>(
     named: Option<&str>,
     option: &str,
 ) -> Result<Vec<&'p Stream>> {
-    // The user's word stands above what an image is taken for by its encoding.
+    // A topic given by the user overrides the guess by encoding.
     let deep = |s: &&Stream| {
         shows == Shows::Depth
             && named.is_some()
@@ -113,7 +110,7 @@ fn candidates<'p>(
         "colour"
     };
     if let Some(named) = named {
-        // Also without what a transport adds, the raw one first.
+        // Also without the transport's suffix, the raw one first.
         let exact = all.iter().find(|s| s.topic == named);
         let found = exact.or_else(|| all.iter().find(|s| s.base == base(named)));
         return found.map(|s| vec![*s]).ok_or_else(|| {
@@ -156,7 +153,7 @@ fn candidates<'p>(
             &advice,
         ));
     }
-    // One of the same images raw and compressed: the raw one loses nothing and is read faster.
+    // Raw rather than compressed images of the same stream: they are lossless and faster to read.
     let raw = |s: &&&Stream| s.compressed && all.iter().any(|o| !o.compressed && o.base == s.base);
     Ok(all.iter().filter(|s| !raw(s)).copied().collect())
 }
@@ -365,7 +362,7 @@ mod tests {
                 ..Named::default()
             };
             assert_eq!(chosen(&streams, named), both("/rgb/image", topic));
-            // Beside depth nobody has to choose.
+            // With one depth stream the choice is unambiguous.
             let with_depth = [streams[0], streams[1], ("/depth/image", "16UC1", "b")];
             let expected = both("/rgb/image", "/depth/image");
             assert_eq!(chosen(&with_depth, Named::default()), expected);

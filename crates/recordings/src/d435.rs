@@ -1,4 +1,4 @@
-//! A recording of a RealSense D435, in both of the formats that librealsense writes.
+//! Tests on a recording of a RealSense D435, in both formats of librealsense.
 
 use crate::choose::{Named, choose};
 use crate::decode::{self, depth::Unit};
@@ -87,7 +87,7 @@ fn camera_unit_and_extrinsics_are_read() {
             (pose.translation - expected).norm() < 1e-6,
             "{ending}: {pose:?}"
         );
-        // The device's clock, whatever the time of arrival.
+        // The stamps are the device's, not the time of arrival.
         let slots: Vec<Slot> = recording.slots_of(pair.depth.channel).copied().collect();
         let device = device_stamps(&mut recording, &pair.depth.topic).unwrap();
         let stamps: Vec<i64> = slots
@@ -127,8 +127,8 @@ fn both_formats_give_the_same_images() {
     }
 }
 
-/// Against `rs.align`: `tests/golden/README.md`. It leaves depths along the depth camera's axis; here they are along the colour camera's, so its values are brought
-/// there first.
+/// Compares with `rs.align`: `tests/golden/README.md`. That keeps depth along the depth camera's axis; here depth is along the colour
+/// camera's, so its values are converted first.
 #[test]
 fn registration_is_that_of_librealsense() {
     let Some((path, mut recording, probe)) = opened("bag") else {

@@ -1,4 +1,4 @@
-//! What can be wrong with a recording, said so that the user can correct it.
+//! Errors of recordings.
 
 use crate::budget::one_line;
 use std::path::{Path, PathBuf};
@@ -8,14 +8,14 @@ use stillpoint_ros_messages::WireError;
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, RecordingError>;
 
-/// A recording or data set cannot be used. Every message names the place, what was expected, what was found, and what to do.
+/// A recording or data set cannot be used. Every message states the location, the expectation, the finding, and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordingError {
     /// A data set folder cannot be used.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
-    /// Reading failed for a reason of the system.
+    /// The system could not read a file.
     #[error("{}: expected to read it, found: {source}; check that the file exists and may be read", path.display())]
     Read {
         /// The file.
@@ -23,82 +23,82 @@ pub enum RecordingError {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// The file is of none of the formats, or damaged from the beginning.
+    /// The file has no known format, or is damaged from its beginning.
     #[error("{}: expected {expected}, found {found}; {advice}", path.display())]
     Format {
         /// The file.
         path: PathBuf,
-        /// What it should be.
+        /// Expectation.
         expected: String,
-        /// What it is.
+        /// Finding.
         found: String,
-        /// What to do.
+        /// Remedy.
         advice: String,
     },
-    /// No topics make an RGB-D camera, or more than one pair does.
+    /// No topics form an RGB-D camera, or several pairs do.
     #[error("{}: expected {expected}, found {found}; {advice}", path.display())]
     Topics {
         /// The file.
         path: PathBuf,
-        /// What was needed.
+        /// Expectation.
         expected: String,
-        /// What is in the recording.
+        /// Finding.
         found: String,
-        /// What to do.
+        /// Remedy.
         advice: String,
     },
-    /// The camera is not known, or not one that can be worked with.
+    /// The camera is unknown or unusable.
     #[error("{}: expected {expected}, found {found}; {advice}", path.display())]
     Camera {
         /// The file.
         path: PathBuf,
-        /// What was needed.
+        /// Expectation.
         expected: String,
-        /// What is in the recording.
+        /// Finding.
         found: String,
-        /// What to do.
+        /// Remedy.
         advice: String,
     },
-    /// A message does not read.
+    /// A message cannot be parsed.
     #[error("{}: topic {topic}, message of {stamp:.6} s: {source}; record it again, or leave the topic out", path.display())]
     Message {
         /// The file.
         path: PathBuf,
         /// The topic.
         topic: String,
-        /// When it was recorded, s.
+        /// Time of recording, s.
         stamp: f64,
-        /// What is wrong.
+        /// The parse error.
         source: WireError,
     },
-    /// A camera does not give frames.
+    /// A camera delivers no frames.
     #[error("{device}: expected {expected}, found {found}")]
     Device {
         /// The camera.
         device: String,
-        /// What was needed.
+        /// Expectation.
         expected: String,
-        /// What there is.
+        /// Finding.
         found: String,
     },
-    /// An image is broken, or of a kind that is not read.
+    /// An image is damaged, or has an unsupported format.
     #[error("{}: topic {topic}, message of {stamp:.6} s: expected {expected}, found {found}", path.display())]
     Image {
         /// The file.
         path: PathBuf,
         /// The topic.
         topic: String,
-        /// When it was recorded, s.
+        /// Time of recording, s.
         stamp: f64,
-        /// What was needed.
+        /// Expectation.
         expected: String,
-        /// What is there.
+        /// Finding.
         found: String,
     },
 }
 
 impl RecordingError {
-    /// The same without line breaks and what else steers a terminal: names come from files.
+    /// A copy with escaped line breaks and control characters, since names come from files.
     pub(crate) fn on_one_line(mut self) -> Self {
         let texts: Vec<&mut String> = match &mut self {
             Self::Format {

@@ -1,4 +1,4 @@
-//! A recording, opened as an RGB-D camera: its frames, its camera, and what was guessed.
+//! A recording opened as an RGB-D camera: frames, camera, and guesses.
 
 use crate::budget::one_line;
 use crate::choose::{Named, Pair, choose};
@@ -20,7 +20,7 @@ use stillpoint_datasets::{
     CameraModel, FrameOptions, Mended, SetBack, StampedPose, associate, mend,
 };
 
-/// A frame: a colour image and the depth image that belongs to it.
+/// A frame: a colour image and its depth image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entry {
     pub(crate) stamp: f64,
@@ -30,7 +30,7 @@ pub(crate) struct Entry {
 }
 
 impl Entry {
-    /// Whether it has the time at which it was received, as its driver stamps nothing.
+    /// Whether its stamp is the time of arrival, because the driver sets none.
     fn is_by_arrival(&self) -> bool {
         self.stamp == seconds(self.colour.logged)
             && self
@@ -40,17 +40,16 @@ impl Entry {
     }
 }
 
-/// What decides on the sensors beside the camera.
 struct Beside<'a> {
     options: &'a OpenOptions,
     probe: &'a Probe,
     colour: &'a Stream,
-    /// The frames have the times at which they were received.
+    /// Frames are stamped with the time of arrival.
     by_arrival: bool,
 }
 
 impl Beside<'_> {
-    /// The sensors; the camera says from now on how those that there are are mounted.
+    /// Finds the sensors, and stores their mounting in the camera.
     fn find(
         &self,
         recording: &mut Recording,
@@ -179,7 +178,7 @@ impl FileRecording {
         })
     }
 
-    /// What kind of file it is.
+    /// The file format.
     #[must_use]
     pub fn format(&self) -> &str {
         self.files.format
@@ -191,51 +190,51 @@ impl FileRecording {
         &self.treatment.camera
     }
 
-    /// Stamps of colour and depth of each frame, s.
+    /// Colour and depth stamps of each frame, s.
     pub fn stamps(&self) -> impl ExactSizeIterator<Item = (f64, f64)> + '_ {
         self.entries.iter().map(|e| (e.stamp, e.depth_stamp))
     }
 
-    /// What was guessed and why, one sentence each.
+    /// Guesses with their reasons, one sentence each.
     #[must_use]
     pub fn guesses(&self) -> &[String] {
         &self.guesses
     }
 
-    /// What looks wrong but can be worked with, one sentence each.
+    /// Suspicious but usable properties, one sentence each.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// Where the clock was set back that stamped the images.
+    /// Where the clock that stamped the images was set back.
     #[must_use]
     pub fn set_back(&self) -> &[SetBack] {
         &self.set_back
     }
 
-    /// Poses of the topic that was named, if one was.
+    /// Poses of the ground truth topic, if one was given.
     #[must_use]
     pub fn ground_truth(&self) -> Option<Vec<StampedPose>> {
         self.ground_truth_said().map(|(poses, _)| poses)
     }
 
-    /// The same, and in a sentence each what was found out about their stamps.
+    /// Like [`Self::ground_truth`], with remarks about the stamps, one sentence each.
     #[must_use]
     pub fn ground_truth_said(&self) -> Option<(Vec<StampedPose>, Vec<String>)> {
         self.truth.clone()
     }
 
-    /// A source of the frames, decoded. The files are opened once more, so that sources do not disturb each other.
+    /// A source of the decoded frames. It reopens the files, so that sources are independent.
     ///
     /// # Errors
-    /// A start behind the last frame, a file that is gone.
+    /// A start after the last frame, a missing file.
     pub fn frames(&self, options: &FrameOptions) -> Result<RecordingSource> {
         RecordingSource::new(self, options)
     }
 }
 
-/// Messages of a stream by stamp, s, ascending and without repeats.
+/// Messages of a stream by stamp, s, ascending and unique.
 fn stamped(
     recording: &mut Recording,
     stream: &Stream,
@@ -243,14 +242,14 @@ fn stamped(
 ) -> Result<Vec<(f64, Slot)>> {
     let device = realsense::device_stamps(recording, &stream.topic)?;
     let all: Vec<&Slot> = recording.slots_of(stream.channel).collect();
-    // A driver that stamps nothing leaves zero in every image; a clock that starts at zero says so in one.
+    // Some drivers leave zero in every stamp; a single zero is a clock that starts at zero.
     let zeros = all.iter().filter(|s| s.stamp == Some(0)).count();
     let from_zero = zeros == 1 && all.len() > 1;
     let stamp = |s: &Slot| {
         let own = s.stamp.filter(|ns| *ns != 0 || from_zero);
         device.get(&s.logged).copied().or(own)
     };
-    // A driver that stamps nothing leaves the time of arrival, for all or for none.
+    // If any stamp is missing, the time of arrival is used for all.
     let unstamped = all.iter().filter(|s| stamp(s).is_none()).count();
     if unstamped > 0 {
         warnings.push(format!(
@@ -279,7 +278,7 @@ fn stamped(
             stream.topic, mended.repeats
         ));
     }
-    // What else was stamped by this clock goes on as the first stream does.
+    // Other streams stamped by the same clock use the same corrections.
     if recording.set_back.is_empty() {
         recording.set_back = mended.set_back;
     }
@@ -287,14 +286,14 @@ fn stamped(
     Ok(stamps.map(|(t, i)| (t, slots[i])).collect())
 }
 
-/// Stamps (s) of messages that stand in the order of the file, brought into one in which they can be played; `like` is where the clock was set back by another stream.
+/// Corrects the stamps (s) of messages in file order to be ascending; `like` are the places where another stream found the clock set back.
 pub(crate) fn in_order(stamps: &[f64], slots: &[Slot], like: &[SetBack]) -> Mended {
     let step = |i: usize| Some(seconds(slots[i].logged.checked_sub(slots[i - 1].logged)?));
     mend(stamps, step, like)
 }
 
-/// The pairs of a recording whose images were all written in pairs, each at one time: as [`crate::McapRecorder`] writes frames. `None` where one image has no
-/// partner, or is farther from it than `max_dt` by its stamp.
+/// Pairs of images written at equal times, as by [`crate::McapRecorder`]. `None` if any image has no partner, or stamps of a pair differ by
+/// more than `max_dt`.
 fn written_together(
     colour: &[(f64, Slot)],
     depth: &[(f64, Slot)],
@@ -321,7 +320,7 @@ fn written_together(
     Some(pairs)
 }
 
-/// The frames, and in words how many of the images they take.
+/// The frames, and a summary of how many images they use.
 fn index(
     recording: &mut Recording,
     pair: &Pair,

@@ -1,7 +1,7 @@
-//! Images of topics as they arrive, made into frames as those of a recording are.
+//! Makes frames of arriving image messages, in the same way as of recorded ones.
 //!
-//! A node that receives messages and a recording of the same messages decide alike (camera, unit of depth, rectification, registration), so that frames
-//! which were recorded are the frames that were tracked, bit for bit.
+//! A node and a recording of its messages make the same decisions (camera, unit of depth, rectification, registration), so that recorded
+//! frames equal the tracked frames, bit for bit.
 
 use crate::choose::Pair;
 use crate::decode::colour::is_colour;
@@ -20,7 +20,7 @@ use stillpoint_imaging::{DepthImage, FrameId, RgbdFrame};
 use stillpoint_ros_messages as ros;
 use stillpoint_ros_messages::{Format, WireError};
 
-/// An image as one of the two messages that carry images.
+/// An image in one of the two message types.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ImageMessage<'a> {
     /// `sensor_msgs/msg/Image`.
@@ -30,10 +30,10 @@ pub enum ImageMessage<'a> {
 }
 
 impl<'a> ImageMessage<'a> {
-    /// Reads a message of ROS 2.
+    /// Parses a ROS 2 message.
     ///
     /// # Errors
-    /// Bytes that are no such message.
+    /// Invalid bytes.
     pub fn read(bytes: &'a [u8], compressed: bool) -> std::result::Result<Self, WireError> {
         let format = Format::CdrLittleEndian;
         Ok(if compressed {
@@ -43,7 +43,7 @@ impl<'a> ImageMessage<'a> {
         })
     }
 
-    /// Its header.
+    /// The header.
     #[must_use]
     pub fn header(&self) -> &ros::Header<'a> {
         match self {
@@ -52,7 +52,7 @@ impl<'a> ImageMessage<'a> {
         }
     }
 
-    /// What its pixels are: `rgb8`, or `rgb8; jpeg compressed bgr8`.
+    /// The encoding: `rgb8`, or `rgb8; jpeg compressed bgr8`.
     #[must_use]
     pub fn encoding(&self) -> &str {
         match self {
@@ -75,7 +75,7 @@ impl<'a> ImageMessage<'a> {
         }
     }
 
-    /// What it is found to be a picture of, whatever its topic is called.
+    /// Whether it shows colour or depth, judged without the topic's name.
     fn shows(&self) -> Shows {
         match self {
             Self::Raw(image) if is_depth(&image.encoding) => Shows::Depth,
@@ -87,7 +87,7 @@ impl<'a> ImageMessage<'a> {
     }
 }
 
-/// Seconds of a stamp, as recordings count them: two that read the same stamp have the same number.
+/// Seconds of a stamp, converted as in recordings, so that equal stamps give equal numbers.
 #[must_use]
 pub fn stamp_seconds(stamp: ros::Time) -> f64 {
     seconds(
@@ -98,20 +98,20 @@ pub fn stamp_seconds(stamp: ros::Time) -> f64 {
     )
 }
 
-/// Where the camera info of an image topic is by the custom of image transports: `/camera/color/camera_info` of `/camera/color/image_raw`.
+/// The conventional camera info topic of an image topic: `/camera/color/camera_info` for `/camera/color/image_raw`.
 #[must_use]
 pub fn camera_info_topic(image_topic: &str) -> String {
     info_topics(base(image_topic)).swap_remove(0)
 }
 
-/// A topic of images when its first message is here.
+/// An image topic with its first message.
 #[derive(Clone, Copy, Debug)]
 pub struct IncomingTopic<'a> {
-    /// Its name.
+    /// Topic name.
     pub topic: &'a str,
-    /// A message of it.
+    /// The first message.
     pub message: &'a ImageMessage<'a>,
-    /// Its camera info, where there is one.
+    /// The camera info, if any.
     pub info: Option<&'a ros::CameraInfo<'a>>,
 }
 
@@ -146,10 +146,10 @@ pub struct Incoming {
 }
 
 impl Incoming {
-    /// For two topics, by their first messages, their camera infos and what is known of where they stand to each other.
+    /// From the first messages of two topics, their camera infos and the known transforms.
     ///
     /// # Errors
-    /// Images that cannot be decoded, no camera or one that cannot be worked with, depth that cannot be registered.
+    /// Images that cannot be decoded, a missing or unusable camera, depth that cannot be registered.
     pub fn new(
         colour: &IncomingTopic<'_>,
         depth: &IncomingTopic<'_>,
@@ -197,22 +197,22 @@ impl Incoming {
         &self.treatment.camera
     }
 
-    /// What was found out, one sentence each.
+    /// Guesses, one sentence each.
     #[must_use]
     pub fn guesses(&self) -> &[String] {
         &self.guesses
     }
 
-    /// What looks wrong but can be worked with, one sentence each.
+    /// Suspicious but usable properties, one sentence each.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// A frame of two images, which were taken at these times (s).
+    /// A frame of two images with these stamps, s.
     ///
     /// # Errors
-    /// Which of the images cannot be decoded or has another size than the first one, and what it is.
+    /// An image that cannot be decoded, or whose size differs from the first one.
     pub fn frame(
         &self,
         id: FrameId,
@@ -241,7 +241,7 @@ impl Incoming {
     }
 }
 
-/// Sizes of both images. What is not to be seen from the message is decoded.
+/// Sizes of both images; decodes them where the messages do not state the size.
 fn sizes(
     colour: &IncomingTopic<'_>,
     depth: &IncomingTopic<'_>,

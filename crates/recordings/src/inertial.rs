@@ -1,6 +1,6 @@
-//! The inertial sensor of a recording: which topics are its own, how it is mounted, and its samples.
+//! The inertial sensor of a recording: its topics, mounting and samples.
 //!
-//! Answers: what the sensor measured up to a frame. Samples are read when they are asked for, so that a recording of hours begins at once.
+//! Samples are read on demand, so that a recording of hours starts at once.
 
 use crate::error::{RecordingError, Result};
 use crate::file::in_order;
@@ -17,31 +17,25 @@ use stillpoint_imaging::ImuSample;
 use stillpoint_ros_messages as ros;
 
 const TYPE: &str = "sensor_msgs/msg/Imu";
-/// Samples from so long before the first frame are of use, s.
+/// Samples are used from this long before the first frame, s.
 const BEFORE: f64 = 0.1;
 
-/// What the user said of the sensor.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Wanted<'a> {
-    /// The topic of the angular rates.
     pub(crate) topic: Option<&'a str>,
-    /// How it is mounted, by the camera file.
     pub(crate) model: Option<ImuModel>,
 }
 
-/// Messages of a topic by their stamps, s, ascending.
 pub(crate) type Stamped = Arc<[(f64, Slot)]>;
 
-/// A sensor, and where its messages are.
 #[derive(Clone, Debug)]
 pub(crate) struct Sensor {
     pub(crate) model: ImuModel,
     rates: Stamped,
-    /// Forces, where they have a topic of their own, and what turns them to the axes of the rates.
+    /// Specific forces from a separate topic, and the rotation to the axes of the rates.
     forces: Option<(Stamped, UnitQuaternion<f64>)>,
 }
 
-/// What the messages of a topic hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Holds {
     Rates,
@@ -49,7 +43,6 @@ enum Holds {
     Both,
 }
 
-/// A topic of an inertial sensor.
 #[derive(Clone, Debug)]
 struct Topic {
     channel: u32,
@@ -58,11 +51,11 @@ struct Topic {
     frame: String,
 }
 
-/// Finds the sensor of the camera; none where there is none, or where nothing tells how it is mounted, which is said. `by_arrival`: the frames have the
-/// times at which they were received.
+/// Finds the sensor of the camera; `None` without one, or if its mounting is unknown, which gives a warning. `by_arrival`: frames are
+/// stamped with the time of arrival.
 ///
 /// # Errors
-/// [`RecordingError::Topics`]: the topic that was named is not one of angular rates.
+/// [`RecordingError::Topics`]: the given topic does not hold angular rates.
 pub(crate) fn find(
     recording: &mut Recording,
     probe: &Probe,
@@ -119,7 +112,6 @@ pub(crate) fn find(
     Ok(Some(sensor))
 }
 
-/// The topics of inertial sensors. What does not read is as if it were not there.
 fn topics(recording: &mut Recording) -> Result<Vec<Topic>> {
     let mut found = Vec::new();
     for channel in recording.channels_of(TYPE) {
@@ -143,7 +135,7 @@ fn topics(recording: &mut Recording) -> Result<Vec<Topic>> {
     Ok(found)
 }
 
-/// Drivers that give both apart name them so; a covariance that begins with -1 says that there is no such value (`sensor_msgs/Imu`).
+/// Drivers with separate topics name them accordingly; a covariance that begins with -1 marks a missing value (`sensor_msgs/Imu`).
 fn holds(topic: &str, message: &ros::Imu<'_>) -> Holds {
     let name = topic.to_lowercase();
     let no_rates = message.angular_velocity_covariance[0] == -1.0;
@@ -169,7 +161,8 @@ fn named_one<'t>(recording: &Recording, turning: &[&'t Topic], named: &str) -> R
     })
 }
 
-/// The topic that has most of its name in common with the camera's, rather one with both kinds of values. What nothing mounts is said, as are rivals.
+/// The topic whose name has most in common with the camera's, preferably with both kinds of values. Warns about topics without a known
+/// mounting, and about rivals.
 fn best<'t>(
     turning: &[&'t Topic],
     is_mounted: &dyn Fn(&Topic) -> bool,
@@ -216,13 +209,13 @@ fn listed(topics: &[&Topic]) -> String {
 /// The topic of forces that belongs to one of rates.
 fn partner<'t>(topics: &'t [Topic], rates: &Topic) -> Option<&'t Topic> {
     let forces = topics.iter().filter(|t| t.holds == Holds::Forces);
-    // Of equals the first of the file.
+    // Of equals the first in the file.
     forces
         .rev()
         .max_by_key(|t| common_parts(&t.name, &rates.name))
 }
 
-/// The messages of a topic by their stamps; `by_arrival`: by the times at which they were received.
+/// The messages of a topic by stamp; with `by_arrival` by the time of arrival.
 pub(crate) fn stamped(recording: &Recording, channel: u32, by_arrival: bool) -> Stamped {
     let time = |s: &Slot| {
         let own = s.stamp.filter(|ns| *ns != 0 && !by_arrival);
@@ -239,17 +232,17 @@ pub(crate) fn stamped(recording: &Recording, channel: u32, by_arrival: bool) -> 
     all.into()
 }
 
-/// The samples of a sensor, in order of time.
+/// Reads the samples of a sensor in time order.
 #[derive(Debug)]
 pub(crate) struct Samples {
     sensor: Sensor,
     next: usize,
-    /// The forces that were read last, with their places in the list.
+    /// The forces that were read last, with their indices.
     read: [Option<(usize, Vec3)>; 2],
 }
 
 impl Samples {
-    /// From shortly before `first` on, the stamp of the first frame, s.
+    /// From shortly before `first`, the stamp of the first frame, s.
     pub(crate) fn new(sensor: Sensor, first: f64) -> Self {
         let next = sensor.rates.partition_point(|s| s.0 < first - BEFORE);
         Self {
@@ -259,7 +252,7 @@ impl Samples {
         }
     }
 
-    /// What was not taken yet up to `stamp`, s, and one sample after it. What does not read is left out.
+    /// The samples not yet taken up to `stamp`, s, and one after it. Unreadable ones are skipped.
     pub(crate) fn take_until(&mut self, recording: &mut Recording, stamp: f64) -> Vec<ImuSample> {
         let rates = Arc::clone(&self.sensor.rates);
         let after = rates.partition_point(|s| s.0 < stamp);
@@ -284,7 +277,7 @@ impl Samples {
         taken
     }
 
-    /// The specific force at a time, between the two that were measured around it; at the ends the nearest one. Zero where none reads.
+    /// The specific force interpolated at a time; the nearest one at the ends. Zero if none is readable.
     fn force_at(&mut self, recording: &mut Recording, stamp: f64) -> Vec3 {
         let forces = self.sensor.forces.clone();
         let Some((list, turn)) = forces.filter(|(list, _)| !list.is_empty()) else {
@@ -314,7 +307,6 @@ impl Samples {
     }
 }
 
-/// Angular rate and specific force of a message.
 fn values(recording: &mut Recording, slot: &Slot) -> Option<(Vec3, Vec3)> {
     let bytes = recording.read(slot).ok()?;
     let message: ros::Imu<'_> = recording.parse(slot, &bytes).ok()?;

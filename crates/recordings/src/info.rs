@@ -1,4 +1,4 @@
-//! What is in a recording, without decoding it.
+//! Lists the contents of a recording without decoding it.
 
 use crate::error::{RecordingError, Result};
 use crate::recording::Files;
@@ -8,31 +8,31 @@ use std::path::Path;
 /// A topic of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Topic {
-    /// Its name.
+    /// Topic name.
     pub name: String,
-    /// Its type, as ROS 2 names it.
+    /// The ROS 2 type name.
     pub type_name: String,
-    /// Messages on it.
+    /// Number of messages.
     pub messages: u64,
-    /// When the first and the last of them were received, s; `None` without messages.
+    /// Times at which the first and the last of them were received, s; `None` without messages.
     pub received: Option<(f64, f64)>,
 }
 
-/// What a recording holds.
+/// Contents of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Info {
     /// `MCAP`, `ROS 1 bag` or `SQLite`.
     pub format: &'static str,
-    /// By name.
+    /// Sorted by name.
     pub topics: Vec<Topic>,
-    /// What is damaged or missing, one sentence each.
+    /// Damage and missing parts, one sentence each.
     pub remarks: Vec<String>,
 }
 
-/// Looks at a recording as a whole.
+/// Scans a recording.
 ///
 /// # Errors
-/// What is no recording, or cannot be read.
+/// A file that is no recording, or cannot be read.
 pub fn info(path: &Path) -> Result<Info> {
     let files = Files::scan(path).map_err(RecordingError::on_one_line)?;
     let contents = &files.contents;

@@ -1,4 +1,4 @@
-//! One way to open folders and files.
+//! Opens data set folders, recordings and cameras alike.
 
 use crate::error::{RecordingError, Result};
 use crate::file::FileRecording;
@@ -13,29 +13,29 @@ use stillpoint_imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame, Sour
 /// How to open a data set or recording; the default guesses everything.
 #[derive(Clone, Debug)]
 pub struct OpenOptions {
-    /// The camera; `None` guesses it, or takes the recording's own.
+    /// The camera; `None` guesses it, or uses the recording's own.
     pub camera: Option<CameraChoice>,
-    /// One unreadable frame ends the stream instead of being skipped.
+    /// End the stream at an unreadable frame instead of skipping it.
     pub strict: bool,
-    /// Largest difference between the stamps of colour and depth, s.
+    /// Maximum difference between the stamps of colour and depth, s.
     pub max_dt: f64,
     /// The topic of colour images; `None` guesses it. Recordings only, as the options below.
     pub colour_topic: Option<String>,
     /// The topic of depth images; `None` guesses it.
     pub depth_topic: Option<String>,
-    /// The topic of the colour camera's calibration; `None` takes the one beside the images, else the only one of their frame and size.
+    /// The topic of the colour camera's calibration; `None` uses the one beside the images, else the only one of their frame and size.
     pub info_topic: Option<String>,
-    /// A topic of poses or odometry that is ground truth; `None` for no ground truth.
+    /// A topic of ground truth poses or odometry; `None` for no ground truth.
     pub truth_topic: Option<String>,
-    /// The topic of the inertial sensor's angular rates; `None` takes the camera's own where it is known how it is mounted.
+    /// The topic of the inertial sensor's angular rates; `None` uses the camera's own sensor where its mounting is known.
     pub imu_topic: Option<String>,
-    /// No inertial sensor, of a folder neither.
+    /// Do not use an inertial sensor, also of a folder.
     pub no_imu: bool,
-    /// The topic of the wheels' odometry; `None` takes the only one that can be of wheels, where it is known how the camera stands on the base.
+    /// The topic of wheel odometry; `None` uses the only candidate, where the camera's pose on the base is known.
     pub odometry_topic: Option<String>,
-    /// No odometry, of a folder neither.
+    /// Do not use odometry, also of a folder.
     pub no_odometry: bool,
-    /// Depth image values per metre; `None` for what the device says, else 1000, and 1 of floats.
+    /// Depth values per metre; `None` uses the device's value, else 1000, and 1 for floats.
     pub depth_scale: Option<f64>,
 }
 
@@ -59,21 +59,21 @@ impl Default for OpenOptions {
     }
 }
 
-/// A camera that is asked for frames while they are taken.
+/// A live camera.
 pub trait Device: std::fmt::Debug + Send + Sync {
-    /// What it is: its name and number.
+    /// Its name and serial number.
     fn kind(&self) -> String;
 
     /// The camera of the frames.
     fn camera(&self) -> &CameraModel;
 
-    /// What was found out about it, one sentence each, for the user to check.
+    /// Guesses about it, one sentence each, for the user to check.
     fn guesses(&self) -> &[String];
 
-    /// Its frames from now on; `keep_colour` with their colours.
+    /// Starts its frames; `keep_colour` includes colour images.
     ///
     /// # Errors
-    /// Its frames were asked for before, or it does not start.
+    /// A second call, or a camera that does not start.
     fn frames(&self, keep_colour: bool) -> Result<Box<dyn FrameSource>>;
 }
 
@@ -88,7 +88,7 @@ pub enum Input {
     Device(Box<dyn Device>),
 }
 
-/// Whether what is at a path is a recording: a file that begins as one of the formats does, or a folder of rosbag2.
+/// Whether a path is a recording: a file with the signature of a known format, or a rosbag2 folder.
 #[must_use]
 pub fn is_recording(path: &Path) -> bool {
     if path.is_dir() {
@@ -123,7 +123,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Input> {
 }
 
 impl Input {
-    /// What it is: the layout of a folder, the format of a file.
+    /// The layout of a folder, or the format of a file.
     #[must_use]
     pub fn kind(&self) -> String {
         match self {
@@ -143,7 +143,7 @@ impl Input {
         }
     }
 
-    /// The odometry of the base that carries the camera, where there are samples of it.
+    /// The model of the base's odometry, if there are samples of it.
     #[must_use]
     pub fn odometry(&self) -> Option<OdometryModel> {
         match self {
@@ -153,7 +153,7 @@ impl Input {
         }
     }
 
-    /// The inertial sensor of the camera, where there are samples of it.
+    /// The model of the inertial sensor, if there are samples of it.
     #[must_use]
     pub fn imu(&self) -> Option<ImuModel> {
         match self {
@@ -163,7 +163,7 @@ impl Input {
         }
     }
 
-    /// Stamps of colour and depth of each frame, s, in order of time; none of frames that are still to come.
+    /// Colour and depth stamps of each frame, s, in time order; empty for a live camera.
     #[must_use]
     pub fn stamps(&self) -> Vec<(f64, f64)> {
         match self {
@@ -177,7 +177,7 @@ impl Input {
         }
     }
 
-    /// What was guessed and why, one sentence each, for the user to check.
+    /// Guesses with their reasons, one sentence each, for the user to check.
     #[must_use]
     pub fn guesses(&self) -> &[String] {
         match self {
@@ -187,7 +187,7 @@ impl Input {
         }
     }
 
-    /// What looks wrong but can be worked with, one sentence each.
+    /// Suspicious but usable properties, one sentence each.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         match self {
@@ -197,10 +197,10 @@ impl Input {
         }
     }
 
-    /// A source of the frames, decoded. Those of a camera begin now, whatever the start.
+    /// A source of the decoded frames. Those of a camera start at once, whatever the start option.
     ///
     /// # Errors
-    /// A start behind the last frame; a camera that does not start.
+    /// A start after the last frame; a camera that does not start.
     pub fn frames(&self, options: &FrameOptions) -> Result<Source> {
         Ok(match self {
             Self::Folder(d) => Source::Folder(d.frames(options)?),
@@ -212,7 +212,7 @@ impl Input {
         })
     }
 
-    /// Where the clock was set back that stamped the images.
+    /// Where the clock that stamped the images was set back.
     #[must_use]
     pub fn set_back(&self) -> &[SetBack] {
         match self {
@@ -222,7 +222,7 @@ impl Input {
         }
     }
 
-    /// The ground truth as poses `world_from_camera` of the colour camera, if there is any.
+    /// Ground truth poses `world_from_camera` of the colour camera, if any.
     ///
     /// # Errors
     /// As [`Dataset::ground_truth`].
@@ -230,7 +230,7 @@ impl Input {
         Ok(self.ground_truth_said()?.map(|(poses, _)| poses))
     }
 
-    /// The same, and in a sentence each what was found out about its file.
+    /// Like [`Self::ground_truth`], with remarks about its file, one sentence each.
     ///
     /// # Errors
     /// As [`Dataset::ground_truth`].
@@ -243,10 +243,9 @@ impl Input {
     }
 }
 
-/// Some of the frames of a camera.
+/// A limited number of frames of a camera.
 pub struct Taken {
     frames: Box<dyn FrameSource>,
-    /// Frames that are still to be given; `None` for all.
     left: Option<usize>,
 }
 

@@ -1,10 +1,10 @@
-//! Recordings of RGB-D cameras, and data set folders, behind one [`open`].
+//! Reads recordings of RGB-D cameras, and data set folders, through one [`open`].
 //!
-//! Answers: which frames a recording holds, with which camera they were taken, and what its pixels are as grey images and metres. Reads MCAP,
-//! bags of ROS 1, and rosbag2 with its data bases (feature `sqlite`). Does not know what is done with the frames, and describes no messages: those are in the crate `ros-messages`.
+//! Finds the frames and the camera of a recording, and decodes its images to grey values and metres. Supports MCAP, ROS 1 bags, and rosbag2
+//! with its databases (feature `sqlite`). The message types are in the crate `ros-messages`.
 //!
-//! A file is scanned once from its beginning: it needs no index, and one that was cut off gives all that is before the cut. Nothing in a file is
-//! trusted: lengths are compared with what is there before anything is allocated.
+//! A file is scanned once from its beginning: it needs no index, and a truncated file gives everything before the cut. Files are untrusted:
+//! lengths are checked against the available bytes before any allocation.
 //!
 //! ```no_run
 //! use stillpoint_imaging::FrameSource;

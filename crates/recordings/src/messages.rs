@@ -1,4 +1,4 @@
-//! Messages as an MCAP file that the tools of ROS 2 open.
+//! Writes messages to an MCAP file that ROS 2 tools open.
 
 use crate::error::{RecordingError, Result};
 use mcap::records::MessageHeader;
@@ -9,7 +9,7 @@ use stillpoint_datasets::{AtomicFile, open_regular};
 use stillpoint_ros_messages as ros;
 use stillpoint_ros_messages::{Format, Message, Version, Wire};
 
-/// What `ros2 bag play` offers on a topic, in the words of rosbag2: reliable, the last message kept for who comes later.
+/// QoS profile that `ros2 bag play` offers on a latched topic, as rosbag2 states it: reliable, transient local.
 const LATCHED: &str = "- history: 1
   depth: 1
   reliability: 1
@@ -27,14 +27,13 @@ const LATCHED: &str = "- history: 1
   avoid_ros_namespace_conventions: false
 ";
 
-/// Writes messages. The file has its name only when [`MessageFile::finish`] has come to its end.
+/// Writes messages. The file gets its name only when [`MessageFile::finish`] succeeds.
 pub struct MessageFile {
     path: PathBuf,
     writer: mcap::Writer<BufWriter<AtomicFile>>,
     channels: BTreeMap<String, Channel>,
 }
 
-/// A topic, and how many messages it had.
 struct Channel {
     id: u16,
     messages: u32,
@@ -48,24 +47,24 @@ impl std::fmt::Debug for MessageFile {
     }
 }
 
-/// A topic as a file declares it before its first message.
+/// Declaration of a topic, written before its first message.
 #[derive(Clone, Copy, Debug)]
 pub struct TopicInfo<'a, F> {
-    /// `/tf`.
+    /// Topic name, such as `/tf`.
     pub name: &'a str,
-    /// `tf2_msgs/msg/TFMessage`.
+    /// Type name, such as `tf2_msgs/msg/TFMessage`.
     pub type_name: &'a str,
-    /// Gives the definition of that type, with those that it holds; asked once.
+    /// Returns the definition of the type and its nested types; called once.
     pub definition: F,
-    /// Whether players offer its last message to those that come later.
+    /// Whether late subscribers get its last message.
     pub is_latched: bool,
 }
 
 impl MessageFile {
-    /// Begins a file at a path where nothing is.
+    /// Starts a new file.
     ///
     /// # Errors
-    /// Something is there, or cannot be written.
+    /// The path exists, or is not writable.
     pub fn create(path: &Path) -> Result<Self> {
         if path.exists() {
             return Err(RecordingError::format(
@@ -78,12 +77,12 @@ impl MessageFile {
         Self::replace(path)
     }
 
-    /// Begins a file that takes the place of an older one when it is finished.
+    /// Starts a file that replaces an existing one when it is finished.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The path is not writable.
     pub fn replace(path: &Path) -> Result<Self> {
-        // A device, pipe or socket can neither be replaced nor written to in several places, as an index needs.
+        // A device, pipe or socket can neither be replaced nor written at several positions, as an index needs.
         if path.exists()
             && let Err(e) = open_regular(path)
         {
@@ -117,7 +116,7 @@ impl MessageFile {
     /// Writes a message in little-endian CDR, with its stamp in ns.
     ///
     /// # Errors
-    /// The system's reason.
+    /// A failed write.
     pub fn write<F: FnOnce() -> String>(
         &mut self,
         topic: TopicInfo<'_, F>,
@@ -162,7 +161,6 @@ impl MessageFile {
         Ok(())
     }
 
-    /// Writes a message as a value.
     pub(crate) fn write_value<'a, T: Message + Wire<'a>>(
         &mut self,
         topic: &'static str,
@@ -185,7 +183,7 @@ impl MessageFile {
     /// Writes indexes and summary, and gives the file its name.
     ///
     /// # Errors
-    /// The system's reason.
+    /// A failed write.
     pub fn finish(mut self) -> Result<()> {
         self.writer.finish().map_err(|e| refused(&self.path, &e))?;
         let file = self.writer.into_inner().into_inner();

@@ -1,8 +1,8 @@
-//! What the names of image topics say of their images, and lists of names.
+//! Classifies image topics by their names, and formats lists of names.
 
 use crate::probe::base;
 
-/// Names by which drivers say that depth was brought into the colour camera.
+/// Parts of topic names that mean depth registered to the colour camera.
 const REGISTERED: [&str; 4] = [
     "aligned_depth_to_color",
     "depth_registered",
@@ -10,25 +10,24 @@ const REGISTERED: [&str; 4] = [
     "depth2rgb",
 ];
 
-/// Whether the name of a topic of depth images says that they were brought into the colour camera.
+/// Whether the topic's name says that its depth is registered to the colour camera.
 #[must_use]
 pub fn says_registered(topic: &str) -> bool {
     let topic = topic.to_lowercase();
     REGISTERED.iter().any(|name| topic.contains(name))
 }
 
-/// What a name says of an image that could be one of depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Says {
     Depth,
-    /// Something that comes in encodings of depth and is none.
+    /// An image that shares an encoding with depth, but is not depth.
     Other,
 }
 
-/// Parts of names of depth images. Drivers of stereo cameras call theirs after the method.
+/// Name parts of depth images. Drivers of stereo cameras name depth after the method.
 const DEPTH_PARTS: [&str; 1] = ["depth"];
 const DEPTH_WORDS: [&str; 5] = ["range", "distance", "tof", "stereo", "z16"];
-/// Parts and words of names of what else comes as 16UC1, mono16 or 32FC1.
+/// Parts and words in names of other images with encoding 16UC1, mono16 or 32FC1.
 const OTHER_PARTS: [&str; 13] = [
     "confidence",
     "disparity",
@@ -48,14 +47,14 @@ const OTHER_WORDS: [&str; 20] = [
     "conf", "disp", "ir", "ir1", "ir2", "nir", "nearir", "swir", "lwir", "amp", "ambient",
     "signal", "noise", "std", "stddev", "error", "mask", "flags", "cost", "score",
 ];
-/// Words of the images that depth is computed from; of depth they say whose it is.
+/// Words for the images that stereo depth is computed from; in depth names they only state the source.
 const SOURCE_WORDS: [&str; 5] = ["left", "right", "gray", "grey", "mono"];
 
-/// What the last part of a topic's name that says anything says.
+/// Meaning of the last part of a topic's name that has one.
 pub(crate) fn says(topic: &str) -> Option<Says> {
     let topic = base(topic).to_lowercase();
     topic.rsplit('/').find_map(|part| {
-        // Depth that was brought into another camera is named after both.
+        // Depth registered to another camera is named after both.
         let part = part.split("_to_").next().unwrap_or(part);
         let has = |parts: &[&str], words: &[&str]| {
             parts.iter().any(|p| part.contains(p))
@@ -71,18 +70,17 @@ pub(crate) fn says(topic: &str) -> Option<Says> {
     })
 }
 
-/// Whether the name of a topic says that its images are of depth.
 pub(crate) fn says_depth(topic: &str) -> bool {
     says(topic) == Some(Says::Depth)
 }
 
-/// Names that both topics begin with.
+/// Number of leading name parts that two topics share.
 pub(crate) fn common_parts(a: &str, b: &str) -> i32 {
     let parts = a.split('/').skip(1).zip(b.split('/').skip(1));
     parts.take_while(|(a, b)| a == b).count() as i32
 }
 
-/// A list that can be read, whatever a file holds; `none` where there is nothing in it.
+/// A list of limited length, for messages; `none` if it is empty.
 pub(crate) fn few(mut all: impl Iterator<Item = String>, none: &str) -> String {
     const MOST: usize = 12;
     let first: Vec<String> = all.by_ref().take(MOST).collect();

@@ -1,6 +1,7 @@
-//! Wheel odometry of a recording: which topic is of wheels, how the camera stands on their base, and its samples.
+//! Wheel odometry of a recording: its topic, the camera's pose on the base, and its samples.
 //!
-//! Answers: what the wheels said up to a frame. Messages do not say what moved them: a topic is taken by itself only where nothing speaks against wheels, and that it was taken is said.
+//! Messages do not state their source: a topic is chosen automatically only if nothing suggests that it is not wheel odometry, and the
+//! choice is reported.
 
 use crate::error::{RecordingError, Result};
 use crate::inertial::{Stamped, stamped};
@@ -15,13 +16,13 @@ use stillpoint_imaging::OdometrySample;
 use stillpoint_ros_messages as ros;
 
 const TYPE: &str = "nav_msgs/msg/Odometry";
-/// Samples from so long before the first frame are of use, s.
+/// Samples are used from this long before the first frame, s.
 const BEFORE: f64 = 0.4;
-/// Variances above are those of what is not measured: m^2, and rad^2.
+/// Variances above these mark unmeasured values: m^2, and rad^2.
 const OPEN: [f64; 2] = [1e4, 10.0];
-/// How the topics end on which this program publishes.
+/// Suffix of the odometry topics that this program publishes.
 const OWN: &str = "/stillpoint/odometry";
-/// Words in names of topics and bases that are not of wheels: of cameras and lasers, of what fuses them, and of ground truth.
+/// Words in names of topics and base frames that exclude wheel odometry: cameras, lasers, fusion, and ground truth.
 const NOT_WHEELS: [&str; 36] = [
     "camera",
     "cam",
@@ -61,59 +62,52 @@ const NOT_WHEELS: [&str; 36] = [
     "qualisys",
 ];
 
-/// What the user said of the odometry.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Wanted<'a> {
-    /// Its topic.
     pub(crate) topic: Option<&'a str>,
-    /// The topic of ground truth.
     pub(crate) truth: Option<&'a str>,
-    /// How the camera stands on the base, by the camera file.
     pub(crate) model: Option<OdometryModel>,
 }
 
-/// Odometry, and where its messages are.
 #[derive(Clone, Debug)]
 pub(crate) struct Wheels {
     pub(crate) model: OdometryModel,
     stands: Stamped,
 }
 
-/// A topic of odometry.
 #[derive(Clone, Debug)]
 struct Topic {
     channel: u32,
     name: String,
-    /// The frame in which the base is.
+    /// The fixed frame in which the base moves.
     odom: String,
     base: String,
 }
 
 impl Topic {
-    /// Whether this program wrote it.
     fn is_own(&self) -> bool {
         self.name.ends_with(OWN)
     }
 
-    /// The word by which it is not of wheels.
+    /// The word that excludes wheel odometry.
     fn doubt(&self) -> Option<&'static str> {
         let text = format!("{} {}", self.name, self.base).to_lowercase();
         let mut words = text.split(|c: char| !c.is_ascii_alphanumeric());
         words.find_map(|word| NOT_WHEELS.iter().copied().find(|n| *n == word))
     }
 
-    /// Where the camera stands on the base by transforms that do not change, and not through the frame in which the base moves.
+    /// The camera's pose on the base by constant transforms, avoiding the odometry frame.
     fn mount(&self, probe: &Probe, camera: &str) -> Option<Se3> {
         let known = !self.base.is_empty();
         known.then(|| probe.transforms.find_fixed(&self.base, camera, &self.odom))?
     }
 }
 
-/// Finds the wheels' odometry; none where there is none, where none or several topics can be of wheels, or where nothing tells how the camera stands on the base, which is said. `by_arrival`:
-/// the frames have the times at which they were received.
+/// Finds the wheel odometry; `None`, with a warning, if no topic or several topics qualify, or if the camera's pose on the base is unknown.
+/// `by_arrival`: frames are stamped with the time of arrival.
 ///
 /// # Errors
-/// [`RecordingError::Topics`]: the topic that was named is not one of odometry, or is this program's own or the ground truth.
+/// [`RecordingError::Topics`]: the given topic is not odometry, or is this program's own or the ground truth.
 pub(crate) fn find(
     recording: &mut Recording,
     probe: &Probe,
@@ -161,7 +155,6 @@ pub(crate) fn find(
     Ok(Some(Wheels { model, stands }))
 }
 
-/// The topics of odometry. What does not read is as if it were not there.
 fn topics(recording: &mut Recording) -> Result<Vec<Topic>> {
     let mut found = Vec::new();
     for channel in recording.channels_of(TYPE) {
@@ -194,7 +187,7 @@ fn named_one<'t>(recording: &Recording, free: &[&'t Topic], named: &str) -> Resu
     })
 }
 
-/// The only topic that can be of wheels. Of others, and of rivals, it is said that they are not used.
+/// The only candidate for wheel odometry. Warns about rivals and excluded topics.
 fn only<'t>(free: &[&'t Topic], warnings: &mut Vec<String>) -> Option<&'t Topic> {
     let wheels: Vec<&Topic> = free
         .iter()
@@ -242,7 +235,6 @@ fn listed(topics: &[&Topic]) -> String {
     few(topics.iter().map(|t| t.name.clone()), "none")
 }
 
-/// The samples of odometry, in order of time.
 #[derive(Debug)]
 pub(crate) struct Stands {
     all: Stamped,
@@ -250,7 +242,7 @@ pub(crate) struct Stands {
 }
 
 impl Stands {
-    /// From shortly before `first` on, the stamp of the first frame, s.
+    /// From shortly before `first`, the stamp of the first frame, s.
     pub(crate) fn new(wheels: &Wheels, first: f64) -> Self {
         Self {
             next: wheels.stands.partition_point(|s| s.0 < first - BEFORE),
@@ -258,7 +250,7 @@ impl Stands {
         }
     }
 
-    /// What was not taken yet up to `stamp`, s, and one sample after it. What does not read is left out.
+    /// The samples not yet taken up to `stamp`, s, and one after it. Unreadable ones are skipped.
     pub(crate) fn take_until(
         &mut self,
         recording: &mut Recording,
@@ -280,7 +272,7 @@ fn read(recording: &mut Recording, slot: &Slot, stamp: f64) -> Option<OdometrySa
     odometry_sample(&message, stamp)
 }
 
-/// The sample that a message of odometry is, with a stamp, s; none where it holds no pose. Covariances without a value in them, or with values that no measurement has, state nothing.
+/// Converts an odometry message with a stamp, s; `None` for an invalid pose. Covariances that are empty or impossible count as unknown.
 #[must_use]
 pub fn odometry_sample(message: &ros::Odometry<'_>, stamp: f64) -> Option<OdometrySample> {
     let (p, q) = (&message.pose.pose.position, &message.pose.pose.orientation);
@@ -293,9 +285,9 @@ pub fn odometry_sample(message: &ros::Odometry<'_>, stamp: f64) -> Option<Odomet
     sample.is_pose().then_some(sample)
 }
 
-/// Standard deviations of place, m, along the ground, and of direction, rad, about what stands on it.
+/// Standard deviations of the position in the ground plane, m, and of the yaw, rad.
 fn sigmas(covariance: &[f64; 36]) -> Option<[f64; 2]> {
-    // The six variances are those of x, y, z and of the turns about them.
+    // The six variances are those of x, y, z and of the rotations about them.
     let [x, y, yaw] = [0, 7, 35].map(|i| covariance[i]);
     let place = if x < y { y } else { x };
     let is_stated = |v: f64, open: f64| (0.0..=open).contains(&v);

@@ -1,27 +1,26 @@
-//! Cameras as recordings describe them: projection by each lens model.
+//! Camera models of recordings: projection with each lens model.
 
 use crate::decode::Bad;
 use stillpoint_geometry::{BrownConrady, Camera, Vec2};
 use stillpoint_ros_messages::CameraInfo;
 
-/// How a lens bends rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Lens {
-    /// `plumb_bob`: what the system itself can undo.
+    /// `plumb_bob`: supported by the SLAM system itself.
     Brown(BrownConrady),
     /// `rational_polynomial`: k1 k2 p1 p2 k3 k4 k5 k6 of OpenCV.
     Rational([f64; 8]),
-    /// `equidistant`: k1 to k4 of Kannala and Brandt, as OpenCV's fisheye model has them.
+    /// `equidistant`: k1 to k4 of Kannala and Brandt, as in OpenCV's fisheye model.
     Equidistant([f64; 4]),
-    /// From pixels to rays by Brown's polynomial, as RealSense has it for its infrared cameras.
+    /// Brown's polynomial from pixels to rays, as RealSense uses it for infrared cameras.
     InverseBrown(BrownConrady),
 }
 
 impl Lens {
-    /// By the name that a recording gives. No coefficients are no distortion, whatever the name.
+    /// From the model name in a recording. Without coefficients there is no distortion, whatever the name.
     ///
     /// # Errors
-    /// What is there instead of a known model.
+    /// A description of an unknown model.
     pub(crate) fn new(model: &str, d: &[f64]) -> Result<Self, String> {
         if d.iter().any(|k| !k.is_finite()) {
             return Err(format!("{model} with {d:?}"));
@@ -41,7 +40,7 @@ impl Lens {
         match model.to_lowercase().replace([' ', '-'], "_").as_str() {
             "plumb_bob" | "radtan" | "brown_conrady" | "" if !rest(5) => Ok(Self::Brown(brown)),
             "rational_polynomial" if !rest(5) => Ok(Self::Brown(brown)),
-            // RealSense calls it modified: tangential terms act on the point that the radial ones moved, as in the inverse model.
+            // In RealSense's modified model the tangential terms act on the radially distorted point, as in the inverse model.
             "modified_brown_conrady" | "inverse_brown_conrady" if !rest(5) => {
                 Ok(Self::InverseBrown(brown))
             }
@@ -82,7 +81,7 @@ impl Lens {
         }
     }
 
-    /// The inverse of [`Self::distort`]; fixed-point iteration by Newton's method with numeric slopes where there is no closed form.
+    /// The inverse of [`Self::distort`], by Newton's method with numeric derivatives where there is no closed form.
     pub(crate) fn undistort(&self, p: Vec2) -> Vec2 {
         match self {
             Self::Brown(b) => b.undistort(p),
@@ -98,14 +97,14 @@ impl Lens {
         (along(Vec2::new(STEP, 0.0)), along(Vec2::new(0.0, STEP)))
     }
 
-    /// Whether rays up to this one are seen in the order in which they come, and none far from where a lens without distortion would show it. A model that folds has its own inverse up to
-    /// the fold, where the determinant of its derivative becomes 0.
+    /// Whether the model is monotonic up to this ray, with bounded stretch. A model that folds is invertible up to the fold, where the
+    /// determinant of its derivative becomes 0.
     fn is_sound_to(&self, ray: Vec2) -> bool {
         (1..=STEPS).all(|k| {
             let q = ray * (f64::from(k) / f64::from(STEPS));
             let (u, v) = self.slopes(q);
             let stretch = self.distort(q).norm() / q.norm().max(f64::MIN_POSITIVE);
-            // No number is no inverse; a mirror image would have a positive determinant as well.
+            // Rejects NaN; a mirror image would have a positive determinant too.
             u.x * v.y - u.y * v.x > 0.0 && u.x + v.y > 0.0 && stretch <= MAX_STRETCH
         })
     }
@@ -129,7 +128,6 @@ impl Lens {
     }
 }
 
-/// A camera of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Optics {
     pub(crate) width: u32,
@@ -139,41 +137,41 @@ pub(crate) struct Optics {
     pub(crate) lens: Lens,
 }
 
-/// Samples along each side of the image, at which a lens is tried, and along the way from its axis to each of them.
+/// Number of samples along each side of the image, and from the optical axis to each of them, at which a lens is checked.
 const SAMPLES: u32 = 32;
 const STEPS: u32 = 16;
-/// By what share a lens stretches an image beyond what a pinhole would show, at most. Those that stretch most, wide ones whose corners are drawn out, reach 1.2.
+/// Maximum stretch of an image by a lens, relative to a pinhole. Wide lenses with drawn-out corners reach 1.2.
 const MAX_STRETCH: f64 = 1.5;
 
-/// fx, fy, cx, cy of a matrix K or P, whose rows are so long; `None` where focal lengths are not filled in.
+/// fx, fy, cx, cy of a matrix K or P with rows of this length; `None` if the focal lengths are not set.
 fn figures(matrix: &[f64], row: usize) -> Option<[f64; 4]> {
     let k = [matrix[0], matrix[row + 1], matrix[2], matrix[row + 2]];
     (k[0] > 0.0 && k[1] > 0.0).then_some(k)
 }
 
-/// Whether a camera info holds a calibration; drivers that are not ready fill in zeros.
+/// Whether a camera info holds a calibration; drivers that are not ready send zeros.
 #[must_use]
 pub fn is_calibrated(info: &CameraInfo<'_>) -> bool {
     figures(&info.k, 3).is_some() || figures(&info.p, 4).is_some()
 }
 
-/// Whether its figures can be those of a camera of the size that it states.
+/// Whether its values are possible for a camera of the stated size.
 pub(crate) fn is_plausible(info: &CameraInfo<'_>) -> bool {
     Optics::new(info, false).is_ok_and(|optics| optics.check().is_ok())
 }
 
 impl Optics {
-    /// Of a camera info, as if it had no region and no binning; `rectified` says that the images were undistorted already, so that the projection matrix holds.
+    /// From a camera info, ignoring region and binning; `rectified`: the images are undistorted, so that the projection matrix holds.
     ///
     /// # Errors
-    /// What is there instead of a calibration.
+    /// A description of a missing calibration.
     pub(crate) fn new(info: &CameraInfo<'_>, rectified: bool) -> Result<Self, String> {
         let (own, projection) = (figures(&info.k, 3), figures(&info.p, 4));
         let (k, lens) = match (own, projection) {
             (_, Some(k)) | (Some(k), None) if rectified => {
                 (k, Lens::Brown(BrownConrady::default()))
             }
-            // Of a camera alone both are the same where K was left out.
+            // P replaces a missing K: for a monocular camera they are equal.
             (Some(k), _) | (None, Some(k)) => (k, Lens::new(&info.distortion_model, &info.d)?),
             (None, None) => {
                 return Err(format!(
@@ -190,10 +188,10 @@ impl Optics {
         })
     }
 
-    /// Checks the figures, and that the lens is one to one for what is looked up through it.
+    /// Checks the values, and that the lens is invertible within the image.
     ///
     /// # Errors
-    /// The first thing that no camera has.
+    /// The first impossible value.
     pub(crate) fn check(&self) -> Result<(), Bad> {
         let checked = self.camera().check();
         checked.map_err(|e| Bad::new(e.expected(), e.found()))?;
@@ -226,7 +224,7 @@ impl Optics {
         }
     }
 
-    /// The camera of the frames: this one, or where the system does not know its lens, one without distortion to which images are rectified.
+    /// The camera of the frames: this one, or for an unsupported lens the undistorted camera that images are rectified to.
     pub(crate) fn camera(&self) -> Camera {
         let pinhole = Camera::pinhole(self.width, self.height, self.k);
         match self.lens {
@@ -238,7 +236,6 @@ impl Optics {
         }
     }
 
-    /// Whether images have to be rectified.
     pub(crate) fn needs_rectifying(&self) -> bool {
         !matches!(self.lens, Lens::Brown(_))
     }
@@ -250,7 +247,6 @@ impl Optics {
         Vec2::new(fx * p.x + cx, fy * p.y + cy)
     }
 
-    /// The ray (x, y, 1) through a pixel.
     pub(crate) fn ray(&self, px: Vec2) -> Vec2 {
         let [fx, fy, cx, cy] = self.k;
         self.lens
@@ -359,7 +355,7 @@ mod tests {
             );
             assert!(said.found.contains(&format!("{:?}", d[0])), "{said:?}");
         }
-        // A fisheye that sees half the world, of which the rectified image shows 127 degrees.
+        // A fisheye with 180 degrees, of which the rectified image shows 127.
         let wide = Optics {
             width: 848,
             height: 800,

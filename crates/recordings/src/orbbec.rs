@@ -1,6 +1,6 @@
-//! What bags of Orbbec's SDK say in their own way: topics are numbered by sensor, and cameras are described by `OBStreamProfileInfo`.
+//! Bags of Orbbec's SDK: topics are numbered by sensor, and `OBStreamProfileInfo` describes the cameras.
 //!
-//! Depth is in millimetres unless the camera was set otherwise, which such a bag does not say.
+//! Depth is assumed in millimetres; such a bag does not state the setting.
 
 use crate::error::Result;
 use crate::probe::{Probe, Shows};
@@ -10,20 +10,18 @@ use std::collections::BTreeMap;
 use stillpoint_geometry::nalgebra::Matrix3;
 use stillpoint_ros_messages as ros;
 
-/// Topics of images, and of how they were taken: sensor 2 is colour, 3 depth.
+/// Topics of images, and of their stream profiles: sensor 2 is colour, 3 depth.
 const COLOUR: (&str, &str) = ("/cam/sensor_2/", "/cam/streamProfileType_2");
 const DEPTH: (&str, &str) = ("/cam/sensor_3/", "/cam/streamProfileType_3");
-/// Topics of the sensors.
 const SENSORS: &str = "/cam/sensor_";
 
-/// The camera that the images of a topic are of.
 pub(crate) fn frame(topic: &str) -> Option<&'static str> {
     [(COLOUR, "orbbec_color"), (DEPTH, "orbbec_depth")]
         .into_iter()
         .find_map(|((images, _), name)| topic.starts_with(images).then_some(name))
 }
 
-/// What a topic shows: encodings alone do not tell depth from infrared, nor infrared from grey.
+/// Meaning of a topic: encodings alone do not distinguish depth from infrared, nor infrared from grey.
 pub(crate) fn shows(topic: &str, by_encoding: Shows) -> Shows {
     match frame(topic) {
         Some("orbbec_depth") if by_encoding == Shows::Colour => Shows::Depth,
@@ -33,7 +31,6 @@ pub(crate) fn shows(topic: &str, by_encoding: Shows) -> Shows {
     }
 }
 
-/// Reads cameras and how they stand to each other.
 pub(crate) fn describe(
     recording: &mut Recording,
     probe: &mut Probe,
@@ -50,7 +47,7 @@ pub(crate) fn describe(
         let bytes = recording.read(&slot)?;
         match recording.parse::<ros::ObStreamProfileInfo<'_>>(&slot, &bytes) {
             Ok(profile) => {
-                // Beside the images, where camera infos are looked for.
+                // The place beside the images where camera infos are looked for.
                 let number = images.trim_start_matches(SENSORS).trim_end_matches('/');
                 let beside = format!("{images}frameType_{number}/camera_info");
                 infos.insert(beside, info(&profile));
@@ -94,7 +91,7 @@ fn info(profile: &ros::ObStreamProfileInfo<'_>) -> ros::CameraInfo<'static> {
     }
 }
 
-/// Of the depth camera in the colour camera; nothing for a stream that is not given one.
+/// The depth camera's pose in the colour camera; `None` for a stream without one.
 fn transform(profile: &ros::ObStreamProfileInfo<'_>) -> Option<ros::TransformStamped<'static>> {
     let matrix = Matrix3::from_row_slice(&profile.rotation_matrix.map(f64::from));
     let t = profile.translation_matrix.map(|mm| f64::from(mm) * 1e-3);

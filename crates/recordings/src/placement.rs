@@ -1,4 +1,4 @@
-//! How depth images lie to the colour camera, and what brings them into its pixels.
+//! Relation of depth images to the colour camera, and how they are registered to it.
 
 use crate::calibration;
 use crate::error::{RecordingError, Result};
@@ -16,7 +16,7 @@ impl Setup<'_> {
         says_registered(&depth.topic) || same_frame
     }
 
-    /// How depth comes into the colour camera.
+    /// Determines how depth is registered to the colour camera.
     pub(crate) fn placed(&mut self, optics: &Optics, depth_size: (u32, u32)) -> Result<Placed> {
         let (colour, depth) = (&self.pair.colour, &self.pair.depth);
         let size = (optics.width, optics.height);
@@ -25,7 +25,7 @@ impl Setup<'_> {
         if registered && same_size {
             return Ok(Placed::Registered);
         }
-        // A phone has depth of the colour camera's view in fewer pixels.
+        // A phone's depth has the view of the colour camera at lower resolution.
         let same_view = have_one_shape(depth_size, size);
         let pose = self.probe.transforms.find(&colour.frame, &depth.frame);
         let own = depth.info.as_ref().filter(|info| is_calibrated(info));
@@ -50,7 +50,7 @@ impl Setup<'_> {
         let topic = depth.topic.clone();
         let name = format!("camera info of {topic}");
         let source = self.calibrated(&info, is_rectified(&topic), &name, depth_size)?;
-        // Some devices register by themselves, and say so by describing one camera twice.
+        // Devices that register internally describe the same camera twice.
         let apart = pose.translation.norm() > 1e-6 || pose.rotation.angle() > 1e-6;
         if !apart && source == *optics {
             self.guesses
@@ -67,7 +67,7 @@ impl Setup<'_> {
         Ok(Placed::Apart(Box::new(registration)))
     }
 
-    /// Depth of the colour images' proportions is taken for registered where nothing says otherwise.
+    /// Without a description, depth with the colour images' aspect ratio is taken to be registered.
     fn without_description(
         &mut self,
         missing: &str,
@@ -99,18 +99,16 @@ impl Setup<'_> {
     }
 }
 
-/// Whether images of two sizes have the same proportions.
 fn have_one_shape(a: (u32, u32), b: (u32, u32)) -> bool {
     u64::from(a.0) * u64::from(b.1) == u64::from(a.1) * u64::from(b.0)
 }
 
-/// How depth images lie to the colour camera.
 pub(crate) enum Placed {
-    /// In its pixels.
+    /// Same pixels.
     Registered,
-    /// In its view, which has another number of pixels.
+    /// Same view at another resolution.
     Resampled,
-    /// In a camera of their own.
+    /// A separate camera.
     Apart(Box<Registration>),
 }
 

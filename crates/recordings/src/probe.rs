@@ -1,4 +1,4 @@
-//! What the image topics of a recording are: one message of each is looked at, and the messages that describe cameras are gathered.
+//! Examines one message of each image topic, and collects the messages that describe cameras.
 
 use crate::budget::{LONGEST_NAME, MOST_COEFFICIENTS};
 use crate::decode::colour::{has_planes, is_colour};
@@ -13,57 +13,50 @@ use crate::{orbbec, realsense};
 use std::collections::BTreeMap;
 use stillpoint_ros_messages as ros;
 
-/// What an image topic shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shows {
     Colour,
     Depth,
-    /// Something else: the encoding is not read.
     Other,
 }
 
-/// A topic of images.
 #[derive(Clone, Debug)]
 pub(crate) struct Stream {
     pub(crate) channel: u32,
     pub(crate) topic: String,
-    /// The topic without what image transports add.
+    /// The topic without the image transport's suffix.
     pub(crate) base: String,
     pub(crate) compressed: bool,
     pub(crate) encoding: String,
     pub(crate) shows: Shows,
     pub(crate) frame: String,
-    /// Width and height; zero where only decoding would tell.
+    /// Width and height; zero if unknown without decoding.
     pub(crate) size: (u32, u32),
     pub(crate) messages: u64,
     pub(crate) info: Option<ros::CameraInfo<'static>>,
-    /// Camera infos before that one which hold no calibration.
+    /// Number of preceding camera infos without a calibration.
     pub(crate) empty_infos: usize,
 }
 
-/// What a recording says of its cameras.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Probe {
     pub(crate) streams: Vec<Stream>,
-    /// Camera infos by topic.
     pub(crate) infos: BTreeMap<String, ros::CameraInfo<'static>>,
     pub(crate) transforms: Transforms,
-    /// Values per metre of depth, where a RealSense says so.
+    /// Depth values per metre, as stated by a RealSense.
     pub(crate) depth_scale: Option<f64>,
     pub(crate) device: Option<String>,
-    /// Transforms that were read.
     pub(crate) said: usize,
-    /// Topics that could not be looked into, and why.
     pub(crate) remarks: Vec<String>,
 }
 
-/// Messages of transforms that are read at most: those of frames that stand still come first.
+/// Maximum number of transform messages read: static transforms come first.
 const TRANSFORMS: usize = 2000;
-/// Transforms that are read at most: those of three hundred frames in as many messages.
+/// Maximum number of transforms read: three hundred frames in as many messages.
 const MOST_SAID: usize = 600_000;
-/// Camera infos of a topic that do not read, after which the others are not tried.
+/// Number of unreadable camera infos after which a topic is abandoned.
 const MOST_BROKEN: usize = 3;
-/// Camera infos of a topic among which one is looked for that holds a calibration: half a minute of those of a driver that is not ready.
+/// Number of camera infos of a topic that are searched for a calibration: half a minute of a driver that is not ready.
 const INFOS: usize = 1000;
 
 impl Probe {
@@ -95,7 +88,7 @@ impl Probe {
         Ok(probe)
     }
 
-    /// The first camera info of each topic that can be a camera's, else the first that holds a calibration, else the first; `empty` counts those before.
+    /// The first plausible camera info of each topic, else the first with a calibration, else the first; `empty` counts those before.
     fn infos(
         &mut self,
         recording: &mut Recording,
@@ -200,7 +193,7 @@ impl Probe {
         let base = base(&topic).to_owned();
         let of_device = realsense::frame(&topic).or_else(|| orbbec::frame(&topic));
         let frame = of_device.map_or(frame, str::to_owned);
-        // Grey and depth share an encoding: names tell.
+        // Grey and depth share an encoding: the name decides.
         let grey = shows == Shows::Depth && encoding == "mono16" && !says_depth(&topic);
         let shows = orbbec::shows(&topic, if grey { Shows::Colour } else { shows });
         Ok(Some(Stream {
@@ -249,7 +242,7 @@ fn look(recording: &Recording, slot: &Slot, bytes: &[u8], compressed: bool) -> R
     Ok((m.encoding.into_owned(), shows, frame, size))
 }
 
-/// The topic that an image transport began with.
+/// The topic without the image transport's suffix.
 pub(crate) fn base(topic: &str) -> &str {
     ["/compressedDepth", "/compressed"]
         .iter()
@@ -257,7 +250,7 @@ pub(crate) fn base(topic: &str) -> &str {
         .unwrap_or(topic)
 }
 
-/// Where the camera info of an image topic is: beside it, as image transports have it, or as RealSense names it.
+/// Candidate camera info topics of an image topic: beside it, as by image transports, or as by RealSense.
 pub(crate) fn info_topics(base: &str) -> Vec<String> {
     let up = |topic: &str| {
         topic
@@ -275,7 +268,7 @@ pub(crate) fn info_topics(base: &str) -> Vec<String> {
     ]
 }
 
-/// Whether a camera info holds more than any camera's: it is copied for every pair of topics.
+/// Whether a camera info exceeds the limits; it is copied for every pair of topics.
 pub(crate) fn is_oversized(info: &ros::CameraInfo<'_>) -> bool {
     let names = info.distortion_model.len().max(info.header.frame_id.len());
     info.d.len() > MOST_COEFFICIENTS || names > LONGEST_NAME

@@ -1,4 +1,4 @@
-//! Images as a driver hands them over, made into frames as those of a recording are.
+//! Makes frames of a driver's raw images, in the same way as of recorded ones.
 
 use crate::calibration;
 use crate::decode::{self, Bad, depth::Unit};
@@ -11,32 +11,32 @@ use stillpoint_geometry::{ImuModel, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_ros_messages as ros;
 
-/// A colour and a depth camera on one body.
+/// A colour and a depth camera on one rigid body.
 #[derive(Clone, Debug)]
 pub struct Pair<'a> {
-    /// What it is called.
+    /// Name for messages.
     pub name: String,
     /// The colour camera.
     pub colour: ros::CameraInfo<'a>,
     /// The depth camera.
     pub depth: ros::CameraInfo<'a>,
-    /// Where the depth camera stands; `None` for depth that is in the colour camera already.
+    /// Pose of the depth camera; `None` if depth is registered to the colour camera.
     pub colour_from_depth: Option<Se3>,
     /// Depth values per metre; `None` for millimetres.
     pub depth_scale: Option<f64>,
 }
 
-/// Makes frames of raw images: brings depth into the colour camera, and undoes lenses that are not Brown's.
+/// Makes frames of raw images: registers depth to colour, and rectifies lenses other than Brown's.
 #[derive(Debug)]
 pub struct RawFrames {
     treatment: Treatment,
 }
 
 impl RawFrames {
-    /// For a pair of cameras, whose tables are built here, once.
+    /// For a pair of cameras; builds the lookup tables.
     ///
     /// # Errors
-    /// What is wrong with one of the cameras.
+    /// An unusable camera.
     pub fn new(pair: &Pair<'_>) -> Result<Self, String> {
         let of = |info: &ros::CameraInfo<'_>, which: &str| {
             let size = (info.width, info.height);
@@ -69,7 +69,7 @@ impl RawFrames {
         })
     }
 
-    /// The same camera with an inertial sensor on it, or none.
+    /// Sets the inertial sensor.
     #[must_use]
     pub fn with_imu(mut self, imu: Option<ImuModel>) -> Self {
         self.treatment.camera.imu = imu;
@@ -82,10 +82,10 @@ impl RawFrames {
         &self.treatment.camera
     }
 
-    /// A frame of two images that were taken at these times (s).
+    /// A frame of two images with these stamps, s.
     ///
     /// # Errors
-    /// What is wrong with an image.
+    /// An unusable image.
     pub fn frame(
         &self,
         id: FrameId,

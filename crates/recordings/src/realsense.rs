@@ -1,5 +1,5 @@
-//! What recordings of librealsense say in their own ways: ROS 1 bags in `Transform` and `KeyValue` messages, data bases of SDK 2.58 and later in
-//! strings of `key=value;`.
+//! Metadata in recordings of librealsense: ROS 1 bags use `Transform` and `KeyValue` messages, databases of SDK 2.58 and later strings of
+//! `key=value;`.
 
 use crate::error::Result;
 use crate::probe::{Probe, is_oversized};
@@ -10,10 +10,9 @@ use std::collections::BTreeMap;
 use stillpoint_geometry::nalgebra::Matrix3;
 use stillpoint_ros_messages as ros;
 
-/// Begins the topics of a device.
 const DEVICE: &str = "/device_";
 
-/// Reads cameras, the unit of depth, and where the sensors stand. The frame of a stream is the part of its topics before `/image/data`.
+/// Reads cameras, the unit of depth, and the poses of the sensors. The frame of a stream is the part of its topics before `/image/data`.
 pub(crate) fn describe(
     recording: &mut Recording,
     probe: &mut Probe,
@@ -38,7 +37,7 @@ pub(crate) fn describe(
         match read {
             Some(Said::Info(info)) if !is_oversized(&info) => drop(infos.insert(topic, *info)),
             Some(Said::Transform(mut t)) => {
-                // The stream's frame, seen from the device's.
+                // From the stream's frame to the device's.
                 let device = topic.split('/').nth(1).unwrap_or_default().to_owned();
                 t.header.frame_id = stream_of(&topic).to_owned().into();
                 t.child_frame_id = device.into();
@@ -54,7 +53,6 @@ pub(crate) fn describe(
     Ok(())
 }
 
-/// The stream that a topic is about.
 pub(crate) fn stream_of(topic: &str) -> &str {
     let ends = ["/image/", "/imu/", "/tf/", "/camera_info", "/info"];
     let end = ends.iter();
@@ -62,13 +60,13 @@ pub(crate) fn stream_of(topic: &str) -> &str {
     topic[..end.unwrap_or(topic.len())].trim_start_matches('/')
 }
 
-/// The frame of a RealSense's image topic: the images themselves name none that transforms know.
+/// The frame of a RealSense image topic: the images themselves name none that transforms contain.
 pub(crate) fn frame(topic: &str) -> Option<&str> {
     let ours = topic.starts_with(DEVICE) && topic.contains("/image/data");
     ours.then(|| stream_of(topic))
 }
 
-/// The frame of a RealSense's topic of its gyroscope or accelerometer.
+/// The frame of a RealSense gyroscope or accelerometer topic.
 pub(crate) fn imu_frame(topic: &str) -> Option<&str> {
     let ours = topic.starts_with(DEVICE) && topic.contains("/imu/data");
     ours.then(|| stream_of(topic))
@@ -91,7 +89,7 @@ fn one(
     let bytes = recording.read(slot)?;
     let unit = topic.ends_with("/option/Depth Units/value")
         || topic.ends_with("/option/Depth_Units/value");
-    // What does not read is as if it were not there: none of it is needed where the rest suffices.
+    // Unreadable metadata are ignored: they may not be needed.
     Ok(match type_name {
         "geometry_msgs/msg/Transform" => {
             let transform = recording.parse::<ros::Transform>(slot, &bytes).ok();
@@ -121,7 +119,6 @@ fn one(
     })
 }
 
-/// What a string of a data base says.
 fn string(topic: &str, text: &str, unit: bool) -> Option<Said> {
     if unit {
         return text.trim().parse().ok().map(Said::Unit);
@@ -137,7 +134,6 @@ fn string(topic: &str, text: &str, unit: bool) -> Option<Said> {
     Some(Said::Name(name.to_owned()))
 }
 
-/// The value of a key.
 pub(crate) fn value<'t>(text: &'t str, key: &str) -> Option<&'t str> {
     let pairs = text.split(';').filter_map(|pair| pair.split_once('='));
     pairs
@@ -179,7 +175,7 @@ fn transform(text: &str) -> Option<ros::TransformStamped<'static>> {
     })
 }
 
-/// The device's clock of each image, ns, by the time that the image was received: what a data base has in the strings beside it, in ms.
+/// The device stamp of each image, ns, by the time at which the image was received; in databases from the accompanying strings, in ms.
 pub(crate) fn device_stamps(
     recording: &mut Recording,
     image_topic: &str,
@@ -199,7 +195,7 @@ pub(crate) fn device_stamps(
         for slot in slots {
             let bytes = recording.read(&slot)?;
             let text = recording.parse::<ros::StringMessage<'_>>(&slot, &bytes)?;
-            // The decimals are those of ms: as a number they would be rounded.
+            // Parsed as decimals: a float would be rounded.
             let Some(ns) = value(&text.data, "timestamp").and_then(milliseconds) else {
                 continue;
             };

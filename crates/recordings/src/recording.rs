@@ -1,4 +1,4 @@
-//! A recording: its files as one, and what their messages say.
+//! A recording: combines its files, and reads and parses their messages.
 
 use crate::budget::Unpacking;
 use crate::error::{RecordingError, Result};
@@ -13,17 +13,15 @@ use std::sync::Arc;
 use stillpoint_datasets::SetBack;
 use stillpoint_ros_messages::{Format, Wire, from_bytes};
 
-/// How a file is opened once more without being scanned.
+/// Reopens a file without scanning it.
 #[derive(Clone, Debug)]
 enum Opener {
     Blocks(PathBuf, Vec<Block>),
     #[cfg(feature = "sqlite")]
     Sqlite(PathBuf),
-    /// A file that was left out.
     None,
 }
 
-/// A file that was left out: no message lies in it.
 #[derive(Debug)]
 struct Nothing;
 
@@ -33,17 +31,14 @@ impl Store for Nothing {
     }
 }
 
-/// The scanned files of a recording.
 #[derive(Clone, Debug)]
 pub(crate) struct Files {
     pub(crate) path: PathBuf,
-    /// What it is, in words.
     pub(crate) format: &'static str,
     pub(crate) contents: Arc<Contents>,
     openers: Vec<Opener>,
-    /// Each message is compressed by itself.
+    /// Messages are compressed individually.
     compressed: bool,
-    /// Kept while anything reads them.
     _temporary: Arc<Vec<Temporary>>,
 }
 
@@ -64,7 +59,7 @@ impl Files {
         let mut unpacking = Unpacking::default();
         for (i, file) in plan.files.iter().enumerate().take(usize::from(u16::MAX)) {
             let unpacked = match rosbag2::unpack(file) {
-                // Of several files the others are as good as they were.
+                // The other files remain usable.
                 Err(e) if plan.files.len() > 1 => {
                     contents.remarks.add(|| format!("a file is left out: {e}"));
                     files.openers.push(Opener::None);
@@ -88,7 +83,7 @@ impl Files {
         Ok(files)
     }
 
-    /// Scans one file, which lies `at` a place that need not be that of `named`.
+    /// Scans one file `at` a path that may differ from `named`.
     fn scan_one(
         &mut self,
         at: &Path,
@@ -133,18 +128,16 @@ impl Files {
         Err(unknown(named, head))
     }
 
-    /// Looks into messages that are compressed each by itself.
     fn look_again(&self, contents: &mut Contents) -> Result<()> {
         let mut recording = self.open()?;
         contents.look_again(|slot, head| {
             let store = &mut recording.stores[usize::from(slot.place.file)];
             let stored = store.read(&slot.place, &mut recording.blocks)?;
-            // Whether the rest is whole is told when the message is read.
+            // Damage in the rest is reported when the message is read.
             Ok(decompress(Compression::Zstd, &stored, head as u64).0)
         })
     }
 
-    /// Opens the files for reading.
     pub(crate) fn open(&self) -> Result<Recording> {
         let open = |opener: &Opener| -> Result<Box<dyn Store>> {
             Ok(match opener {
@@ -170,7 +163,6 @@ impl Files {
     }
 }
 
-/// A recording that is read.
 #[derive(Debug)]
 pub(crate) struct Recording {
     pub(crate) path: PathBuf,
@@ -178,7 +170,7 @@ pub(crate) struct Recording {
     stores: Vec<Box<dyn Store>>,
     blocks: Blocks,
     pub(crate) files: Files,
-    /// Where the clock was set back that stamped the images, as far as that is known.
+    /// Where the clock that stamped the images was set back, as far as known.
     pub(crate) set_back: Vec<SetBack>,
 }
 
@@ -187,7 +179,6 @@ impl Recording {
         &self.contents.channels[slot.channel as usize]
     }
 
-    /// The bytes of a message.
     pub(crate) fn read(&mut self, slot: &Slot) -> Result<Vec<u8>> {
         let store = &mut self.stores[usize::from(slot.place.file)];
         let stored = store.read(&slot.place, &mut self.blocks)?;
@@ -211,7 +202,6 @@ impl Recording {
         Ok(bytes)
     }
 
-    /// The message in bytes that [`Self::read`] gave.
     pub(crate) fn parse<'b, T: Wire<'b>>(&self, slot: &Slot, bytes: &'b [u8]) -> Result<T> {
         let channel = self.channel(slot);
         let format = channel.format.unwrap_or(Format::CdrLittleEndian);
@@ -223,12 +213,10 @@ impl Recording {
         })
     }
 
-    /// Messages of a channel, in the order of the file.
     pub(crate) fn slots_of(&self, channel: u32) -> impl Iterator<Item = &Slot> {
         self.contents.slots_of(channel)
     }
 
-    /// Channels of a type.
     pub(crate) fn channels_of(&self, type_name: &str) -> Vec<u32> {
         let all = self.contents.channels.iter().enumerate();
         all.filter(|(_, c)| c.type_name == type_name && c.format.is_some())
@@ -241,17 +229,16 @@ impl Recording {
     }
 }
 
-/// First bytes of a data base.
 const SQLITE: &[u8] = b"SQLite format 3\0";
 
-/// Whether a file begins as those of one of the formats do.
+/// Whether a file has the signature of a known format.
 pub(crate) fn begins_as_one(path: &Path) -> bool {
     let head = Bytes::open(path).and_then(|mut bytes| bytes.get(0, 16));
     let known: [&[u8]; 4] = [mcap::MAGIC, bag::MAGIC, b"#ROSBAG V1", SQLITE];
     head.is_ok_and(|head| known.iter().any(|magic| head.starts_with(magic)))
 }
 
-/// What a file of no known format may be.
+/// Error: a file of unknown format, with a guess.
 fn unknown(path: &Path, head: &[u8]) -> RecordingError {
     let (found, advice) = if head.is_empty() {
         ("an empty file", "record it again")

@@ -1,4 +1,4 @@
-//! Images as a camera without distortion would have taken them, by a table that is built once.
+//! Rectifies images by a lookup table.
 
 use crate::decode::Colour;
 use crate::optics::Optics;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 use stillpoint_geometry::Vec2;
 use stillpoint_imaging::{ColourImage, DepthImage, GrayImage};
 
-/// Where each pixel of the result is looked up, px; NaN outside of the image.
+/// Source position of each output pixel, px; NaN outside of the image.
 #[derive(Debug)]
 pub(crate) struct Rectifier {
     width: usize,
@@ -37,7 +37,7 @@ impl Rectifier {
         }
     }
 
-    /// Colour and grey are interpolated; what lies outside is black.
+    /// Colour and grey are interpolated; black outside of the image.
     pub(crate) fn colour(&self, image: Colour) -> Colour {
         let gray = self.interpolate::<1>(image.gray.data());
         let gray = GrayImage::from_vec(self.width, self.height, gray).unwrap_or(image.gray);
@@ -68,7 +68,7 @@ impl Rectifier {
         out
     }
 
-    /// Depth is taken from the nearest pixel: between two surfaces there is none.
+    /// Depth uses the nearest pixel, since interpolation between two surfaces would be wrong.
     pub(crate) fn depth(&self, image: &DepthImage) -> Option<DepthImage> {
         let nearest = |[x, y]: &[f32; 2]| {
             if x.is_nan() {
@@ -95,7 +95,7 @@ mod tests {
             k: [150.0, 150.0, 80.0, 60.0],
             lens: Lens::Equidistant([-0.02, 0.01, 0.0, 0.0]),
         };
-        // What the lens makes of a wall whose right half, from x = 0.3 z on, is white and farther away.
+        // The distorted view of a wall whose right half, from x = 0.3 z on, is white and farther away.
         let mut gray = GrayImage::new(160, 120);
         let mut depth = vec![1.0; 160 * 120];
         for y in 0..120 {

@@ -1,35 +1,36 @@
-//! Depth images brought into the colour camera.
+//! Registers depth images to the colour camera.
 
 use crate::optics::{Lens, Optics};
 use stillpoint_geometry::{Se3, Vec2, Vec3};
 use stillpoint_imaging::DepthImage;
 
-/// Brings depth images of one camera into another. Each pixel is a square patch at its depth: two opposite corners of it are projected, what lies
-/// between them is filled, and the nearest surface wins. So no holes open where the colour camera has more pixels.
+/// Registers depth images of one camera to another. Each pixel is a square patch at its depth: two opposite corners are projected, the area
+/// between them is filled, and the nearest surface wins. This leaves no holes where the colour camera has more pixels.
 #[derive(Debug)]
 pub(crate) struct Registration {
     depth_size: (usize, usize),
     size: (usize, usize),
-    /// Directions to the corners of the depth camera's pixels, turned into the colour camera: x, y and z, one row and column more than it has pixels.
+    /// Rays through the corners of the depth camera's pixels, rotated to the colour camera: x, y and z, one row and column more than it has
+    /// pixels.
     corners: [Vec<f32>; 3],
     /// From the depth camera's centre, m.
     translation: [f32; 3],
     target: Target,
 }
 
-/// The colour camera, in numbers of the precision that pixels need: a thousandth of one.
+/// The colour camera in single precision, which suffices for a thousandth of a pixel.
 #[derive(Clone, Copy, Debug)]
 struct Target {
     /// fx, fy, cx, cy, px.
     k: [f32; 4],
-    /// k1, k2, k3, p1, p2; nothing where the lens does not distort.
+    /// k1, k2, k3, p1, p2; `None` without distortion.
     lens: Option<[f32; 5]>,
 }
 
-/// How far a pixel may be from where its ray is seen, px: far above what an inverse leaves that was found.
+/// Maximum reprojection error of a pixel's ray, px: far above that of a converged inverse.
 const MAX_ERROR: f64 = 1e-2;
 
-/// Where the patches of a row of depth pixels fall: the pixels of their two corners, and their depth, m.
+/// Projected patches of a row of depth pixels: the pixels of their two corners, and their depth, m.
 #[derive(Clone, Debug, Default)]
 struct Patches {
     from: [Vec<i32>; 2],
@@ -69,8 +70,8 @@ impl Target {
     }
 }
 
-/// The whole number nearest to a coordinate; one far outside of every image for what is farther away than that, and for NaN. A cast would do the same, one value at a time: floats from 2^23 on are whole
-/// numbers, whose mantissas hold them.
+/// The nearest integer; far outside of every image for large values and NaN. Vectorises, unlike a cast: floats from 2^23 on are integers,
+/// whose mantissas hold them.
 #[inline(always)]
 fn nearest(v: f32) -> i32 {
     const SHIFT: f32 = 12_582_912.0;
@@ -88,7 +89,7 @@ impl Registration {
             let (x, y) = (i % (width + 1), i / (width + 1));
             let px = Vec2::new(x as f64 - 0.5, y as f64 - 0.5);
             let mut ray = depth.ray(px);
-            // Corners of a fisheye's image may be seen along no ray; what is measured there is left out.
+            // Corners of a fisheye image may correspond to no ray; depth there is dropped.
             if (depth.project(ray) - px).norm() > MAX_ERROR {
                 ray = Vec2::new(f64::NAN, f64::NAN);
             }
@@ -107,12 +108,11 @@ impl Registration {
         }
     }
 
-    /// Width and height of the images that are registered.
     pub(crate) fn depth_size(&self) -> (usize, usize) {
         self.depth_size
     }
 
-    /// The depth image in the colour camera; `None` for one of another size.
+    /// The registered depth image; `None` for an input of another size.
     pub(crate) fn register(&self, depth: &DepthImage) -> Option<DepthImage> {
         let (width, height) = self.depth_size;
         if (depth.width(), depth.height()) != (width, height) {
@@ -127,11 +127,11 @@ impl Registration {
             }
             self.splat(&patches, &mut out);
         }
-        // What nothing was seen at is infinite, which the image takes for none.
+        // Pixels without depth are infinite, which the image converts to no measurement.
         DepthImage::from_vec(self.size.0, self.size.1, out).ok()
     }
 
-    /// Where the patches of row `y` fall. A patch that is not there has a corner left of the image.
+    /// Projects the patches of row `y`. A missing patch gets a corner left of the image.
     fn project<const DISTORTS: bool>(
         &self,
         lens: [f32; 5],
@@ -149,7 +149,7 @@ impl Registration {
         let (x0, y0) = (&mut x0[..width], &mut y0[..width]);
         let (x1, y1) = (&mut x1[..width], &mut y1[..width]);
         let depth = &mut patches.depth[..width];
-        // Slices of one length, so that nothing in the loop is checked.
+        // Slices of equal length remove bounds checks from the loop.
         let (ax, bx) = (&x[first..first + width], &x[below..below + width]);
         let (ay, by) = (&y[first..first + width], &y[below..below + width]);
         let (az, bz) = (&z[first..first + width], &z[below..below + width]);
@@ -167,7 +167,7 @@ impl Registration {
             x1[i] = from[0].max(to[0]);
             y0[i] = from[1].min(to[1]);
             y1[i] = from[1].max(to[1]);
-            // The patch has the depth of its middle.
+            // The patch has the depth of its centre.
             depth[i] = 0.5 * (a[2] + b[2]);
         }
     }

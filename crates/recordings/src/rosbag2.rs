@@ -1,4 +1,4 @@
-//! Folders of rosbag2: which files they hold, and how those are compressed.
+//! Folders of rosbag2: their files and compression.
 
 use crate::budget::{Remarks, Unpacking};
 use crate::error::{RecordingError, Result};
@@ -7,21 +7,18 @@ use crate::store::temporary::Temporary;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Describes a folder.
+/// File that describes a folder.
 const METADATA: &str = "metadata.yaml";
-/// Bytes of it at most.
 const LARGEST: u64 = 1 << 24;
-/// Files of a folder: as many as their numbers tell apart.
+/// Maximum number of files: the range of their index.
 const MOST_FILES: usize = u16::MAX as usize;
-/// Bytes between two looks at how far a file unpacks.
+/// Decompressed bytes between checks of the limit.
 const STEP: u64 = 1 << 24;
-/// Part of the free space that a file leaves when it is decompressed.
+/// Share of the free disk space that decompression leaves free, as a divisor.
 #[cfg(unix)]
 const KEPT_FREE: u64 = 20;
-/// First bytes of what Zstandard compressed.
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 
-/// Files of a recording in order.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Plan {
     pub(crate) files: Vec<PathBuf>,
@@ -29,14 +26,13 @@ pub(crate) struct Plan {
     pub(crate) remarks: Remarks,
 }
 
-/// Whether a folder is one of rosbag2.
 pub(crate) fn is_folder(path: &Path) -> bool {
     path.is_dir()
         && (path.join(METADATA).is_file()
             || (!path.join("rgb.txt").is_file() && !listed(path).is_empty()))
 }
 
-/// The files of a path: itself, or those of its folder, as the description has them, else by name.
+/// The files of a path: itself, or those of its folder, as described, else by name.
 pub(crate) fn plan(path: &Path) -> Result<Plan> {
     if !path.is_dir() {
         // A file of a folder is compressed as its description says.
@@ -59,8 +55,8 @@ pub(crate) fn plan(path: &Path) -> Result<Plan> {
         let text = text.map_err(RecordingError::read(&metadata))?;
         let (names, compressed) = parse(&text);
         plan.compressed_messages = compressed;
-        // Only names: a description from elsewhere must not lead out of the folder.
-        // Each once, and no more than are numbered: one that is listed again and again would be read as often.
+        // Only file names, so that a description cannot refer to files outside of the folder; each once and up to the limit, so that
+        // repeated entries are not read repeatedly.
         let mut seen = BTreeSet::new();
         let names = names.iter().filter_map(|n| Path::new(n).file_name());
         let names = names.filter(|n| seen.len() < MOST_FILES && seen.insert(n.to_owned()));
@@ -87,7 +83,6 @@ pub(crate) fn plan(path: &Path) -> Result<Plan> {
     Ok(plan)
 }
 
-/// Files of recordings in a folder, by name.
 fn listed(path: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
     let wanted = |p: &PathBuf| {
@@ -101,7 +96,7 @@ fn listed(path: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Names of files, and whether messages are compressed each. Of YAML what rosbag2 writes, for this alone.
+/// File names, and whether messages are compressed individually. A minimal parser for the YAML that rosbag2 writes.
 fn parse(text: &str) -> (Vec<String>, bool) {
     let mut names = Vec::new();
     let mut within = false;
@@ -121,7 +116,7 @@ fn parse(text: &str) -> (Vec<String>, bool) {
     (names, compressed)
 }
 
-/// A file that was compressed as a whole, decompressed; nothing for any other.
+/// Decompresses a file that is compressed as a whole; `None` for any other.
 pub(crate) fn unpack(path: &Path) -> Result<Option<Temporary>> {
     use std::io::Read;
     let file = stillpoint_datasets::open_regular(path).map_err(RecordingError::read(path))?;
@@ -146,7 +141,7 @@ pub(crate) fn unpack(path: &Path) -> Result<Option<Temporary>> {
         if left < STEP {
             return Err(too_large(path, done, allowed));
         }
-        // What was written before an error is scanned as a file that was cut off.
+        // On an error the part already written is scanned as a truncated file.
         match std::io::copy(&mut decoder.by_ref().take(STEP), &mut to) {
             Err(e) if e.kind() == std::io::ErrorKind::StorageFull => {
                 return Err(broken(path, e.to_string()));
@@ -186,7 +181,7 @@ fn too_large(path: &Path, done: u64, allowed: u64) -> RecordingError {
     RecordingError::format(path, &expected, found, advice)
 }
 
-/// Bytes that may be written to the file system of a file.
+/// Number of bytes that may be written to a file's file system.
 #[cfg(unix)]
 fn room(path: &Path) -> u64 {
     rustix::fs::statvfs(path).map_or(u64::MAX, |fs| {

@@ -1,4 +1,4 @@
-//! What is done to the images of a recording: its camera, the unit of depth, rectification and registration.
+//! Determines the processing of a recording's images: camera, unit of depth, rectification and registration.
 
 use crate::calibration::{self, Calibration};
 use crate::choose::Pair;
@@ -20,26 +20,24 @@ use stillpoint_datasets::CameraModel;
 use stillpoint_imaging::{DepthImage, FrameId, RgbdFrame};
 use stillpoint_ros_messages::CameraInfo;
 
-/// One of the two images of a frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Side {
     Colour,
     Depth,
 }
 
-/// What is done to images.
 #[derive(Debug)]
 pub(crate) struct Treatment {
     pub(crate) camera: CameraModel,
     pub(crate) unit: Unit,
     pub(crate) rectifier: Option<Rectifier>,
     pub(crate) registration: Option<Registration>,
-    /// Width and height of depth images that show the colour images' view in another number of pixels.
+    /// Size of depth images that have the colour images' view at another resolution.
     pub(crate) resampled_from: Option<(usize, usize)>,
 }
 
 impl Treatment {
-    /// Sizes of the images of colour and depth as they are taken.
+    /// Sizes of the input images of colour and depth.
     pub(crate) fn sizes(&self) -> ((usize, usize), (usize, usize)) {
         let camera = &self.camera.camera;
         let colour = (camera.width as usize, camera.height as usize);
@@ -47,10 +45,10 @@ impl Treatment {
         (colour, depth.or(self.resampled_from).unwrap_or(colour))
     }
 
-    /// A frame of two images, which were taken at these times (s).
+    /// A frame of two images with these stamps, s.
     ///
     /// # Errors
-    /// Which of the images has a size that is not its camera's.
+    /// The image whose size differs from its camera's.
     pub(crate) fn frame(
         &self,
         id: FrameId,
@@ -101,7 +99,6 @@ pub(crate) fn other_size(expected: (usize, usize), found: (usize, usize)) -> Bad
     }
 }
 
-/// What decides on what is done to images.
 pub(crate) struct Setup<'a> {
     pub(crate) path: &'a Path,
     pub(crate) options: &'a OpenOptions,
@@ -139,7 +136,7 @@ impl<'a> Setup<'a> {
             Placed::Resampled => (None, Some((sizes.1.0 as usize, sizes.1.1 as usize))),
             Placed::Apart(registration) => (Some(*registration), None),
         };
-        // Depth that is registered is registered to the camera without distortion at once.
+        // Depth is registered directly to the undistorted camera.
         let rectifier = optics.needs_rectifying().then(|| Rectifier::new(&optics));
         if rectifier.is_some() {
             self.guesses
@@ -165,13 +162,13 @@ impl<'a> Setup<'a> {
         }
     }
 
-    /// The camera that the user named: its file says how sensors are mounted.
+    /// The camera given by the user; its file also states the mounting of sensors.
     fn named(&self) -> Result<Option<CameraModel>> {
         let file = self.options.camera.as_ref().map(CameraModel::choose);
         Ok(file.transpose()?)
     }
 
-    /// The colour camera of images of this size, its name, and whether it is nominal.
+    /// The colour camera for images of this size, its name, and whether it is nominal.
     fn colour_optics(&mut self, size: (u32, u32)) -> Result<(Optics, String, bool)> {
         if let Some(choice) = &self.options.camera {
             let model = CameraModel::choose(choice)?;
@@ -198,7 +195,6 @@ impl<'a> Setup<'a> {
         Ok((optics, name, false))
     }
 
-    /// The camera that the user named, of images of this size.
     fn named_optics(&self, model: &CameraModel, size: (u32, u32)) -> Result<Optics> {
         let mut optics = Optics::of_camera(&model.camera);
         if (optics.width, optics.height) == (0, 0) {
@@ -219,7 +215,7 @@ impl<'a> Setup<'a> {
         Ok(optics)
     }
 
-    /// What a camera info says of images of this size; what has to be known of it is said.
+    /// The camera of a camera info for images of this size; reports assumptions and contradictions.
     pub(crate) fn calibrated(
         &mut self,
         info: &CameraInfo<'_>,
@@ -238,7 +234,7 @@ impl<'a> Setup<'a> {
         Ok(optics)
     }
 
-    /// The camera info of the colour images, and the topic that it is named after.
+    /// The camera info of the colour images, and its topic.
     fn colour_info(&mut self, size: (u32, u32)) -> Result<(CameraInfo<'static>, String)> {
         let (colour, depth) = (&self.pair.colour, &self.pair.depth);
         if let Some(topic) = &self.options.info_topic {
@@ -249,7 +245,7 @@ impl<'a> Setup<'a> {
             })?;
             return Ok((info.clone(), topic.clone()));
         }
-        // Depth in the colour camera has its matrix.
+        // Registered depth has the matrix of the colour camera.
         let streams = [Some(colour), self.is_registered().then_some(depth)];
         let beside = streams.into_iter().flatten();
         let own = beside
@@ -271,7 +267,7 @@ impl<'a> Setup<'a> {
             ));
             return Ok((info.clone(), topic.clone()));
         }
-        // One without a calibration: that is what is wrong.
+        // Reports an info without a calibration as the cause.
         let empty = beside
             .clone()
             .find_map(|s| Some((s.info.clone()?, s.topic.clone())));
@@ -288,7 +284,7 @@ impl<'a> Setup<'a> {
         })
     }
 
-    /// The only camera info of the frame and size of images that have none beside them.
+    /// The only camera info with the frame and size of images that have none beside them.
     pub(crate) fn info_elsewhere(
         &self,
         stream: &Stream,
@@ -327,7 +323,6 @@ impl<'a> Setup<'a> {
         ))
     }
 
-    /// Camera infos in words.
     fn listed(&self, wanted: impl Fn(&CameraInfo<'_>) -> bool) -> String {
         let all = self.probe.infos.iter().filter(|(_, info)| wanted(info));
         few(
@@ -356,7 +351,7 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// Whether the images of a topic were undistorted, as image_proc names them. RealSense calls raw ones so, too.
+/// Whether the images of a topic are rectified, by the names of image_proc. RealSense uses such a name for raw ones too.
 pub(crate) fn is_rectified(topic: &str) -> bool {
     let topic = topic.to_lowercase();
     let mut words = topic.split(['/', '_', '-']);

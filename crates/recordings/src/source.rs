@@ -1,4 +1,4 @@
-//! The frames of a recording, decoded one after the other.
+//! Decodes the frames of a recording in order.
 
 use crate::budget::one_line;
 use crate::choose::Pair;
@@ -24,13 +24,12 @@ pub struct RecordingSource {
     recording: Recording,
     entries: Arc<[Entry]>,
     treatment: Arc<Treatment>,
-    /// Which of the entries are still to be read.
     left: std::ops::Range<usize>,
     next_id: u32,
     keep_colour: bool,
     strict: bool,
     ended: bool,
-    /// What the inertial sensor measured and the wheels did, and the stamp of the newest frame, s.
+    /// Inertial and wheel samples, and the stamp of the newest frame, s.
     inertial: Option<Samples>,
     wheels: Option<Stands>,
     newest: Option<f64>,
@@ -99,7 +98,7 @@ fn is_compressed(recording: &Recording, slot: &Slot) -> bool {
     recording.channel(slot).type_name == "sensor_msgs/msg/CompressedImage"
 }
 
-/// Width and height of images; where they are known, a compressed one of another size is not decoded.
+/// Image size; if known, a compressed image of another size is not decoded.
 type Size = Option<(usize, usize)>;
 
 fn check_size(stated: Option<(u32, u32)>, size: Size) -> std::result::Result<(), decode::Bad> {
@@ -134,10 +133,10 @@ fn depth(recording: &mut Recording, slot: &Slot, unit: Unit, size: Size) -> Resu
     decoded.map_err(|bad| image_error(recording, slot, bad))
 }
 
-/// Sizes of colour and depth images: those of the first frame that can be decoded.
+/// Sizes of colour and depth images, from the first frame that can be decoded.
 ///
 /// # Errors
-/// The first error, when none of the frames that are tried can be.
+/// The first error, if none of the tried frames can be decoded.
 pub(crate) fn sizes(
     recording: &mut Recording,
     pair: &Pair,
@@ -160,13 +159,13 @@ pub(crate) fn sizes(
             Err(e) => first = first.or(Some(e)),
         }
     }
-    // There is an entry, and it did not read.
+    // The list of entries is not empty, but none could be decoded.
     Err(first.unwrap_or_else(|| {
         RecordingError::topics(&recording.path, "images", "none", "record it again")
     }))
 }
 
-/// What a look at some depth images, spread over the recording, finds wrong with their unit. Images that do not read are reported when their frames come.
+/// Checks the depth unit on some images spread over the recording. Unreadable images are reported with their frames.
 pub(crate) fn doubt(
     recording: &mut Recording,
     entries: &[Entry],
@@ -184,7 +183,6 @@ pub(crate) fn doubt(
     scale_doubt(&mut values, unit, encoding)
 }
 
-/// The same of values, m.
 pub(crate) fn scale_doubt(values: &mut [f64], unit: Unit, encoding: &str) -> Option<String> {
     let doubt = ScaleDoubt::of_message(values, unit.of(encoding), is_float(encoding))?;
     Some(doubt.said(&format!("--depth-scale {}", doubt.likely)))

@@ -1,4 +1,4 @@
-//! Where frames stand to each other, as `tf` messages say.
+//! Coordinate frames and the transforms between them, from `tf` messages.
 
 use crate::budget::{LONGEST_NAME, MOST_TRANSFORMS};
 use std::collections::btree_map::Entry;
@@ -7,22 +7,22 @@ use stillpoint_geometry::nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaterni
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_ros_messages as ros;
 
-/// Frames and the first transform that was said of each pair.
+/// Frames, with the first transform of each pair.
 #[derive(Clone, Debug, Default)]
 pub struct Transforms {
     /// `parent_from_child`, by child and parent, both ways.
     edges: BTreeMap<String, BTreeMap<String, Se3>>,
-    /// Pairs, child and parent, of which another transform was said later.
+    /// Pairs of child and parent whose transform changes.
     moving: BTreeSet<(String, String)>,
-    /// Pairs that are kept, and transforms of others, which are not.
+    /// Number of stored pairs, and of transforms dropped beyond the limit.
     pairs: usize,
     beyond: u64,
 }
 
-/// Transforms of one pair that differ by more than this (m, rad) are of frames that move.
+/// A pair whose transforms differ by more than this (m, rad) is moving.
 const STILL: f64 = 1e-4;
 
-/// A pose; `None` where numbers are not finite or the rotation is none.
+/// A pose; `None` for non-finite values or an invalid rotation.
 pub(crate) fn pose(t: [f64; 3], q: &ros::Quaternion) -> Option<Se3> {
     let q = Quaternion::new(q.w, q.x, q.y, q.z);
     let norm = q.norm();
@@ -31,7 +31,7 @@ pub(crate) fn pose(t: [f64; 3], q: &ros::Quaternion) -> Option<Se3> {
         .then(|| Se3::new(UnitQuaternion::new_normalize(q), Vec3::from(t)))
 }
 
-/// A transform as a message; `None` where numbers are not finite or the matrix is no rotation.
+/// A transform message; `None` for non-finite values or an invalid rotation.
 pub(crate) fn transform(rotation: Matrix3<f64>, t: [f64; 3]) -> Option<ros::Transform> {
     let finite = rotation.iter().chain(&t).all(|v| v.is_finite());
     if !finite || (rotation.determinant() - 1.0).abs() > 0.01 {
@@ -53,13 +53,13 @@ pub(crate) fn transform(rotation: Matrix3<f64>, t: [f64; 3]) -> Option<ros::Tran
     })
 }
 
-/// ROS 1 wrote a slash before names of frames in its early years.
+/// Early versions of ROS 1 put a slash before frame names.
 pub(crate) fn frame_name(name: &str) -> &str {
     name.trim_start_matches('/')
 }
 
 impl Transforms {
-    /// Takes a transform; one that is none, or of a pair that is known, changes nothing.
+    /// Adds a transform; an invalid one, or one of a known pair, changes nothing.
     pub fn add(&mut self, transform: &ros::TransformStamped<'_>) {
         let t = &transform.transform.translation;
         let Some(pose) = pose([t.x, t.y, t.z], &transform.transform.rotation) else {
@@ -78,7 +78,7 @@ impl Transforms {
             return;
         }
         let known = self.edges.entry(child.clone()).or_default();
-        // The first counts: later ones of frames that move are of other times.
+        // The first counts: later transforms of moving frames are of other times.
         match known.entry(parent.clone()) {
             Entry::Vacant(new) => {
                 self.pairs += 1;
@@ -95,12 +95,11 @@ impl Transforms {
         }
     }
 
-    /// Transforms that were not taken: there are more pairs of frames than any robot has.
+    /// Number of transforms dropped beyond the limit of frame pairs.
     pub(crate) fn beyond(&self) -> u64 {
         self.beyond
     }
 
-    /// All frames that a chain leads to from one.
     pub(crate) fn reached_from(&self, frame: &str) -> BTreeSet<&str> {
         let mut seen = BTreeSet::new();
         let mut open: Vec<&str> = self
@@ -135,7 +134,7 @@ impl Transforms {
         self.chain(to, from, &|_, _| true)
     }
 
-    /// The same along frames that do not move, and not through one frame: what is said of it moves.
+    /// Like [`Self::find`], along static transforms only, and avoiding the frame `but_for`.
     #[must_use]
     pub fn find_fixed(&self, to: &str, from: &str, but_for: &str) -> Option<Se3> {
         let but_for = frame_name(but_for);
@@ -146,7 +145,6 @@ impl Transforms {
         })
     }
 
-    /// Along steps that are allowed.
     fn chain(&self, to: &str, from: &str, allowed: &dyn Fn(&str, &str) -> bool) -> Option<Se3> {
         let (to, from) = (frame_name(to), frame_name(from));
         let mut seen = BTreeSet::from([from]);

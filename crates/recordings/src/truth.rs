@@ -10,18 +10,17 @@ use stillpoint_datasets::{Mended, StampedPose};
 use stillpoint_geometry::Se3;
 use stillpoint_ros_messages as ros;
 
-/// Types of topics that hold poses.
 const TYPES: [&str; 3] = [
     "geometry_msgs/msg/PoseStamped",
     "geometry_msgs/msg/TransformStamped",
     "nav_msgs/msg/Odometry",
 ];
 
-/// Poses in order of time, and in a sentence each what was found out about their stamps.
+/// Poses in time order, and remarks about their stamps, one sentence each.
 pub(crate) type Said = (Vec<StampedPose>, Vec<String>);
 
-/// Reads the poses of a topic, in order of time, as those of the colour camera, whose frame is `camera`: where transforms lead from what moves to the
-/// camera, they are applied.
+/// Reads the poses of a topic in time order, as poses of the colour camera with frame `camera`: transforms from the tracked frame to the
+/// camera are applied if known.
 pub(crate) fn read(
     recording: &mut Recording,
     probe: &Probe,
@@ -85,7 +84,6 @@ pub(crate) fn read(
     Ok((mended.stamps.into_iter().map(pose).collect(), said))
 }
 
-/// What is said of stamps that were in no order.
 fn remarks(mended: &Mended, topic: &str) -> Vec<String> {
     let set_back = mended.set_back.iter().map(|at| {
         let place = format!("ground truth: topic {topic}, pose {}", at.index + 1);
@@ -101,7 +99,7 @@ fn remarks(mended: &Mended, topic: &str) -> Vec<String> {
     set_back.chain(late).chain(repeats).collect()
 }
 
-/// The pose in a message, and the frame that it is of.
+/// The pose in a message, and the frame that it refers to.
 fn one(recording: &Recording, slot: &Slot, bytes: &[u8]) -> Result<(Option<Se3>, Option<String>)> {
     let of = |p: &ros::Pose| {
         transforms::pose([p.position.x, p.position.y, p.position.z], &p.orientation)
@@ -120,7 +118,7 @@ fn one(recording: &Recording, slot: &Slot, bytes: &[u8]) -> Result<(Option<Se3>,
             let pose = transforms::pose([t.x, t.y, t.z], &m.transform.rotation);
             (pose, Some(frame_name(&m.child_frame_id).to_owned()))
         }
-        // Whose pose it is, the message does not say.
+        // The message does not state the moving frame.
         _ => {
             let m: ros::PoseStamped<'_> = recording.parse(slot, bytes)?;
             (of(&m.pose), None)

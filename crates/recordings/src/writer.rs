@@ -1,4 +1,4 @@
-//! Frames as an MCAP file that the tools of ROS 2 open.
+//! Writes frames to an MCAP file that ROS 2 tools open.
 
 use crate::error::Result;
 use crate::messages::{MessageFile, TopicInfo};
@@ -8,36 +8,35 @@ use stillpoint_geometry::{Camera, ImuModel, OdometryModel, Se3};
 use stillpoint_imaging::{ImuSample, OdometrySample, RgbdFrame};
 use stillpoint_ros_messages as ros;
 
-/// Topics of the files, named as the drivers of RealSense name theirs.
+/// Topics of the files, named as by RealSense drivers.
 const COLOUR: &str = "/camera/color/image_raw";
 const COLOUR_INFO: &str = "/camera/color/camera_info";
 const DEPTH: &str = "/camera/aligned_depth_to_color/image_raw";
 const DEPTH_INFO: &str = "/camera/aligned_depth_to_color/camera_info";
 const IMU: &str = "/camera/imu";
 const IMU_FRAME: &str = "camera_imu_optical_frame";
-/// Odometry, and its frames, named as those of most robots are.
 const ODOMETRY: &str = "/odom";
 const ODOM_FRAME: &str = "odom";
 const BASE_FRAME: &str = "base_link";
-/// Ground truth, as `--truth-topic` takes it.
+/// Ground truth topic, for `--truth-topic`.
 pub const TRUTH_TOPIC: &str = "/ground_truth/pose";
 const FRAME: &str = "camera_color_optical_frame";
 
-/// Writes frames. The file has its name only when [`McapRecorder::finish`] has come to its end.
+/// Writes frames. The file gets its name only when [`McapRecorder::finish`] succeeds.
 #[derive(Debug)]
 pub struct McapRecorder {
     file: MessageFile,
     camera: Camera,
-    /// What is added to the stamps of inertial samples and of those of odometry, s.
+    /// Offsets added to the stamps of inertial and odometry samples, s.
     imu_offset: f64,
     odometry_offset: f64,
 }
 
 impl McapRecorder {
-    /// Begins a file at a path where nothing is.
+    /// Starts a new file.
     ///
     /// # Errors
-    /// Something is there, or cannot be written.
+    /// The path exists, or is not writable.
     pub fn create(path: &Path, camera: &Camera) -> Result<Self> {
         Ok(Self::into_file(MessageFile::create(path)?, camera))
     }
@@ -58,10 +57,10 @@ impl McapRecorder {
         &mut self.file
     }
 
-    /// Writes a frame: colour as it is (grey where there is none), depth as metres, both with their stamps and the camera.
+    /// Writes a frame: colour unchanged (grey without colour), depth in metres, both with their stamps and the camera.
     ///
     /// # Errors
-    /// The system's reason.
+    /// A failed write.
     pub fn add(&mut self, frame: &RgbdFrame) -> Result<()> {
         let (time, depth_time) = (nanoseconds(frame.stamp), nanoseconds(frame.depth_stamp));
         let (encoding, bytes, data) = match &frame.colour {
@@ -103,19 +102,19 @@ impl McapRecorder {
         Ok(())
     }
 
-    /// Writes how an inertial sensor is mounted, as a transform that stands still; its noise has no message.
+    /// Writes the mounting of an inertial sensor as a static transform; its noise is not stored.
     ///
     /// # Errors
-    /// The system's reason.
+    /// A failed write.
     pub fn add_imu(&mut self, model: &ImuModel, stamp: f64) -> Result<()> {
         self.imu_offset = model.time_offset;
         self.add_mount([FRAME, IMU_FRAME], &model.camera_from_imu, stamp)
     }
 
-    /// Writes how the camera stands on a base with odometry, as a transform that stands still; by how much wheels err has no message.
+    /// Writes the camera's pose on a base with odometry as a static transform; the error model of the wheels is not stored.
     ///
     /// # Errors
-    /// The system's reason.
+    /// A failed write.
     pub fn add_base(&mut self, model: &OdometryModel, stamp: f64) -> Result<()> {
         self.odometry_offset = model.time_offset;
         self.add_mount([BASE_FRAME, FRAME], &model.base_from_camera, stamp)
@@ -161,10 +160,11 @@ impl McapRecorder {
         self.file.write(topic, time, &cdr)
     }
 
-    /// Writes samples of odometry, with stamps on the camera's clock once [`Self::add_base`] has said how they differ. Says how many: a file has no times before 0.
+    /// Writes odometry samples, with stamps on the camera's clock after [`Self::add_base`]. Returns their number: a file has no times
+    /// before 0.
     ///
     /// # Errors
-    /// The system's reason.
+    /// A failed write.
     pub fn add_odometry(&mut self, samples: &[OdometrySample]) -> Result<usize> {
         let mut written = 0;
         for sample in samples {
@@ -172,7 +172,7 @@ impl McapRecorder {
                 continue;
             };
             let ([x, y, z], [i, j, k, w]) = (sample.position, sample.orientation);
-            // Zeros state nothing.
+            // Zeros mean unknown.
             let [place, turn] = sample.sigmas.unwrap_or_default().map(|s| s * s);
             let mut covariance = [0.0; 36];
             for (axis, variance) in [place, place, place, turn, turn, turn].iter().enumerate() {
@@ -205,17 +205,17 @@ impl McapRecorder {
         Ok(written)
     }
 
-    /// Writes samples of the inertial sensor, with stamps on the camera's clock once [`Self::add_imu`] has said how they differ.
+    /// Writes inertial samples, with stamps on the camera's clock after [`Self::add_imu`].
     ///
     /// # Errors
-    /// The system's reason.
+    /// A failed write.
     pub fn add_inertial(&mut self, samples: &[ImuSample]) -> Result<()> {
         for sample in samples {
             let Some(time) = time_in_file(sample.stamp + self.imu_offset) else {
                 continue;
             };
             let vector = |[x, y, z]: [f64; 3]| ros::Vector3 { x, y, z };
-            // Begins with -1 where there is no such value: it has no orientation (`sensor_msgs/Imu`).
+            // Begins with -1 to mark the missing orientation (`sensor_msgs/Imu`).
             let mut none = [0.0; 9];
             none[0] = -1.0;
             let message = ros::Imu {
@@ -237,10 +237,10 @@ impl McapRecorder {
         Ok(())
     }
 
-    /// Writes a pose of ground truth, `world_from_camera`.
+    /// Writes a ground truth pose, `world_from_camera`.
     ///
     /// # Errors
-    /// The system's reason.
+    /// A failed write.
     pub fn add_truth(&mut self, pose: &StampedPose) -> Result<()> {
         let time = nanoseconds(pose.stamp);
         let message = ros::PoseStamped {
@@ -256,13 +256,13 @@ impl McapRecorder {
     /// Writes indexes and summary, and gives the file its name.
     ///
     /// # Errors
-    /// The system's reason.
+    /// A failed write.
     pub fn finish(self) -> Result<()> {
         self.file.finish()
     }
 }
 
-/// The stamps of data sets have microseconds; what a number of seconds has beyond is rounding.
+/// Stamps of data sets have microseconds; further digits are rounding errors.
 fn nanoseconds(stamp: f64) -> u64 {
     let micro = (stamp * 1e6).round();
     if micro > 0.0 {
@@ -272,7 +272,6 @@ fn nanoseconds(stamp: f64) -> u64 {
     }
 }
 
-/// None before 0.
 fn time_in_file(stamp: f64) -> Option<u64> {
     (stamp >= 0.0).then(|| nanoseconds(stamp))
 }

@@ -1,4 +1,4 @@
-//! What recordings say of their cameras in ways of their own: taken where all is there that is needed, else refused in words.
+//! Unusual camera descriptions: used if complete, else refused with a message.
 
 use crate::edited::*;
 use crate::writers::*;
@@ -26,7 +26,7 @@ fn the_first_info_that_holds_a_calibration_is_used() {
         "{}",
         said(&input)
     );
-    // Filled in one after the other.
+    // Values are set one after the other.
     let partly = Recorded::new().infos(|i, info| match i {
         0 => info.k = [0.0; 9],
         1 => info.k[4] = 0.0,
@@ -119,7 +119,7 @@ fn an_info_of_another_name_is_found_by_frame_and_size() {
         "{}",
         said(&input)
     );
-    // One of another frame is nobody's.
+    // One with another frame is ignored.
     let mut other = throttled();
     let of = |frame: &'static str, fx: f64| {
         let mut info = CameraInfo {
@@ -135,7 +135,7 @@ fn an_info_of_another_name_is_found_by_frame_and_size() {
         .messages
         .push(sent("/other_info", 1, &of("rear", 25.0)));
     assert_eq!(k(&other.open()), K);
-    // Two of the same: the user decides.
+    // With two equal candidates the user must decide.
     other
         .messages
         .push(sent("/second_info", 1, &of("camera_optical", 40.0)));

@@ -1,4 +1,4 @@
-//! Clocks that are set back while they stamp a recording.
+//! Clocks that are set back during a recording.
 
 use crate::files::{frames, put, variants};
 use crate::writers::*;
@@ -8,7 +8,6 @@ use stillpoint_recordings::{OpenOptions, open};
 
 const FRAMES: usize = 24;
 
-/// The same messages in every kind of file.
 fn written(folder: &Path, messages: &[Sent]) -> Vec<PathBuf> {
     let files = variants(messages);
     let put = |(name, bytes): &(&str, Vec<u8>)| put(folder, name, bytes);
@@ -23,7 +22,7 @@ fn written(folder: &Path, messages: &[Sent]) -> Vec<PathBuf> {
     all
 }
 
-/// By half a second from the thirteenth on.
+/// Set back by half a second from frame 13 on.
 fn set_back(k: usize) -> u64 {
     arrived(k) - if k < 12 { 0 } else { 500_000_000 }
 }
@@ -61,7 +60,7 @@ fn the_order_of_writing_is_kept_where_a_clock_was_set_back() {
     }
 }
 
-/// Ground truth of a file of a camera and odometry, with what is said of it.
+/// Ground truth of a file with camera and odometry, and its remarks.
 fn truth(path: &Path) -> (Vec<StampedPose>, String) {
     let options = OpenOptions {
         truth_topic: Some("/odom".into()),
@@ -74,7 +73,7 @@ fn truth(path: &Path) -> (Vec<StampedPose>, String) {
 
 #[test]
 fn ground_truth_keeps_the_order_of_writing_too() {
-    // Its own clock is set back, and the one that stamps all.
+    // Only the odometry's clock is set back, or the common one.
     for camera in [arrived, set_back] {
         let dir = tempfile::tempdir().unwrap();
         let mut messages = stamped_camera("/camera", FRAMES, camera);
@@ -120,7 +119,7 @@ fn ground_truth_that_repeats_a_stamp_or_comes_late_is_said() {
             "{name}: {said}"
         );
     }
-    // Nothing is said of poses in order.
+    // Ordered poses give no remark.
     let mut messages = camera("/camera", FRAMES);
     messages.extend(odometry(FRAMES));
     let path = put(dir.path(), "well.mcap", &mcap(&messages, None));

@@ -1,4 +1,4 @@
-//! Damage that a file betrays: what it states of itself does not match. What is damaged is said and never used.
+//! Detectable damage: contents that contradict stated sizes or checksums are reported and never used.
 
 use crate::files::{frames, put};
 use crate::writers::*;
@@ -9,10 +9,10 @@ use stillpoint_recordings::{FrameOptions, OpenOptions, info, open};
 use stillpoint_ros_messages::*;
 
 const FRAMES: usize = 10;
-/// Bytes of the end of an MCAP without a summary: the record of the end of data, a footer and the magic.
+/// Bytes at the end of an MCAP without a summary: the data end record, a footer and the signature.
 const END: usize = 13 + 29 + 8;
 
-/// Top-level records of an MCAP: their codes and bodies.
+/// Top-level records of an MCAP: their opcodes and bodies.
 pub(crate) fn records_of(mut bytes: &[u8]) -> Vec<(u8, Vec<u8>)> {
     let mut all = Vec::new();
     while bytes.len() >= 9 {
@@ -23,7 +23,7 @@ pub(crate) fn records_of(mut bytes: &[u8]) -> Vec<(u8, Vec<u8>)> {
     all
 }
 
-/// What the chunk of a body holds, unpacked, and how it is packed.
+/// The compression and the decompressed contents of a chunk.
 pub(crate) fn chunk_of(body: &[u8]) -> (String, Vec<u8>) {
     let name = u32::from_le_bytes(body[28..32].try_into().unwrap()) as usize;
     let how = String::from_utf8(body[32..32 + name].to_vec()).unwrap();
@@ -57,7 +57,8 @@ pub(crate) fn chunk(how: &str, records: &[u8], crc: u32) -> Vec<u8> {
     body
 }
 
-/// An MCAP whose chunks are packed one way and state their checksums; `damage` changes what a chunk of some number holds, after its checksum was taken.
+/// An MCAP with one compression and checksums in its chunks; `damage` modifies the contents of a numbered chunk after its checksum was
+/// computed.
 fn sealed(how: &str, damage: impl Fn(usize, &mut Vec<u8>)) -> Vec<u8> {
     let plain = mcap(&camera("/camera", FRAMES), Some((7, false)));
     let mut file = plain[..8].to_vec();
@@ -76,7 +77,7 @@ fn sealed(how: &str, damage: impl Fn(usize, &mut Vec<u8>)) -> Vec<u8> {
     file
 }
 
-/// Doubles the focal lengths that are in some bytes: one byte each.
+/// Doubles the focal lengths in some bytes, by changing one byte each.
 fn zoom(bytes: &mut [u8]) {
     let from = 30.0_f64.to_le_bytes();
     let places: Vec<usize> = (0..bytes.len() - 8)
@@ -95,7 +96,7 @@ fn a_chunk_whose_checksum_does_not_match_is_left_out() {
         let input = open(&good, &OpenOptions::default()).unwrap();
         assert!(input.warnings().is_empty(), "{how}: {:?}", input.warnings());
         assert_eq!(frames(&input).len(), FRAMES, "{how}");
-        // The first chunk, of which the camera would be taken.
+        // The first chunk, which describes the camera.
         let first = sealed(how, |number, records| {
             if number == 0 {
                 zoom(records);
@@ -114,7 +115,7 @@ fn a_chunk_whose_checksum_does_not_match_is_left_out() {
         assert_eq!(input.camera().camera.fx, 30.0, "{how}");
         let left = frames(&input).len();
         assert!((FRAMES - 3..FRAMES).contains(&left), "{how}: {left}");
-        // All of them: nothing is left to be used.
+        // All chunks: nothing usable remains.
         let path = put(
             dir.path(),
             "all.mcap",
@@ -142,7 +143,7 @@ fn a_frame_of_zstandard_states_a_checksum_of_its_own() {
     let bad = put(dir.path(), "bad.mcap.zstd", &packed);
     let said = open(&bad, &OpenOptions::default()).unwrap_err().to_string();
     assert!(said.contains("its checksum is"), "{said}");
-    // Of several files the others are used.
+    // The other files are used.
     let folder = dir.path().join("folder");
     std::fs::create_dir(&folder).unwrap();
     put(&folder, "a_0.mcap.zstd", &packed);
@@ -166,7 +167,7 @@ fn the_checksum_of_all_data_vouches_for_what_is_in_no_chunk() {
         file
     };
     let plain = mcap(&camera("/camera", FRAMES), None);
-    // From the first byte, as writers have it, or from the first record, as the description may be read.
+    // From the first byte, as by writers, or from the first record, as the specification may be read.
     for from in [0, 8] {
         let path = put(dir.path(), "good.mcap", &seal(plain.clone(), from));
         let input = open(&path, &OpenOptions::default()).unwrap();
@@ -182,7 +183,7 @@ fn the_checksum_of_all_data_vouches_for_what_is_in_no_chunk() {
         said.contains("30 messages that no checksum") && said.contains("mcap recover"),
         "{said}"
     );
-    // Messages of chunks that state a checksum are vouched for.
+    // Messages in chunks with valid checksums are kept.
     let mut chunks = seal(sealed("lz4", |_, _| {}), 0);
     let end = chunks.len() - END;
     chunks[end + 9] ^= 1;
@@ -266,7 +267,7 @@ fn a_jpeg_that_was_cut_off_in_its_message_is_no_image() {
     );
 }
 
-/// What it is refused for is its size, though its pixels do not read either.
+/// The image is refused for its size before its invalid pixels are decoded.
 #[test]
 fn an_image_of_another_size_is_not_decoded() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! The recording of a camera whose messages are changed before it is opened.
+//! A camera recording whose messages are modified before it is opened.
 
 use crate::files::put;
 use crate::writers::*;
@@ -25,7 +25,7 @@ impl Recorded {
         }
     }
 
-    /// Replaces the messages of a topic; `edit` is told the number of the frame.
+    /// Replaces the messages of a topic; `edit` gets the frame number.
     pub(crate) fn edit<M: Message>(
         mut self,
         topic: &str,
@@ -80,7 +80,7 @@ impl Recorded {
         open(&self.path(), &options).map_err(|e| e.to_string())
     }
 
-    /// Refused with all of these words.
+    /// Checks that it is refused with all of these words.
     pub(crate) fn refused(&self, parts: &[&str]) {
         let said = self.open_with(OpenOptions::default()).unwrap_err();
         for part in parts {

@@ -1,4 +1,4 @@
-//! Images as drivers and phones have them, and what only looks like depth.
+//! Encodings of drivers and phones, and images that only resemble depth.
 
 use crate::edited::*;
 use crate::files::frames;
@@ -153,7 +153,7 @@ fn mosaics_and_planes_are_colour() {
         move |_: usize, image: Image<'static>| {
             let pixels = (WIDTH * HEIGHT) as usize;
             let data = match encoding {
-                // Luminance 145, chroma of BT.601's green.
+                // Luma 145, chroma of BT.601's green.
                 "nv12" => [vec![145; pixels], [54, 34].repeat(pixels / 4)].concat(),
                 _ => (0..pixels)
                     .map(|i| {
@@ -186,7 +186,6 @@ fn mosaics_and_planes_are_colour() {
         .refused(&["bayer_none8"]);
 }
 
-/// What a live node decides by is the same.
 #[test]
 fn incoming_messages_are_judged_alike() {
     let read = |topic: &str| {

@@ -1,4 +1,4 @@
-//! Recordings in files: whole, cut off, and damaged.
+//! Recording files: intact, truncated, and damaged.
 
 use crate::writers::*;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ pub(crate) fn put(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
     path
 }
 
-/// What is taken of a source after each of its frames, from one on.
+/// Values taken from a source after each of its frames, from one on.
 pub(crate) fn with_each_frame<T>(
     input: &Input,
     start: usize,
@@ -44,7 +44,7 @@ pub(crate) fn frames(input: &Input) -> Vec<RgbdFrame> {
         .collect()
 }
 
-/// Every way to write the same frames.
+/// All ways to write the same frames.
 pub(crate) fn variants(messages: &[Sent]) -> Vec<(&'static str, Vec<u8>)> {
     vec![
         ("plain.mcap", mcap(messages, None)),
@@ -86,7 +86,7 @@ fn frames_are_those_that_were_written() {
     }
 }
 
-/// A clock may start at zero; a driver that stamps nothing leaves zero in every image.
+/// A clock may start at zero; some drivers leave zero in every stamp.
 #[test]
 fn a_first_stamp_of_zero_is_one() {
     let dir = tempfile::tempdir().unwrap();
@@ -124,7 +124,7 @@ fn what_is_before_a_cut_is_used() {
             let said = input.warnings().join("\n");
             assert!(said.contains("cut off"), "{name}: {said}");
             let found = frames(&input).len();
-            // Whole frames of the part; blocks of a few are lost where a block is compressed as one.
+            // All frames before the cut, except for a few where a block is compressed as a whole.
             let whole = (MANY * part / 8).saturating_sub(6);
             assert!(
                 (whole.max(1)..MANY).contains(&found),
@@ -275,7 +275,8 @@ fn what_is_recorded_reads_back() {
     );
 }
 
-/// A camera whose depth is half a frame late, then half a frame early: by their stamps alone each image would be nearer to another one, and one would be left over.
+/// A camera whose depth is half a frame late, then half a frame early: by stamps alone each image would be nearer to another one, and one
+/// would be left over.
 #[test]
 fn what_was_written_as_pairs_is_read_as_pairs() {
     let dir = tempfile::tempdir().unwrap();
@@ -310,7 +311,7 @@ fn what_was_written_as_pairs_is_read_as_pairs() {
     }
 }
 
-/// Images as a driver hands them over: depth of a camera 50 mm beside, in millimetres.
+/// Raw images of a driver: depth of a camera 50 mm beside, in millimetres.
 #[test]
 fn raw_images_become_frames_in_the_colour_camera() {
     let info = |width: u32, f: f64| ros::CameraInfo {
@@ -342,7 +343,7 @@ fn raw_images_become_frames_in_the_colour_camera() {
         ..ros::Image::default()
     };
     let colour = image("rgb8", 3, vec![100; 64 * 48 * 3]);
-    // A wall at one metre; what the depth camera sees at column 20 the colour camera sees three columns to the right.
+    // A wall at one metre; column 20 of the depth camera is three columns to the right in the colour camera.
     let mut wall = vec![1000_u16; 64 * 48];
     (0..48).for_each(|y| wall[y * 64 + 20] = 500);
     let wall: Vec<u8> = wall.iter().flat_map(|z| z.to_le_bytes()).collect();
@@ -377,7 +378,7 @@ fn raw_images_become_frames_in_the_colour_camera() {
     );
 }
 
-/// A preset of a data sheet is worse than the calibration that a recording carries; one that was measured is the user's word.
+/// A nominal preset is worse than the recording's calibration; a measured one is the user's decision.
 #[test]
 fn a_calibration_of_its_own_wins_over_a_nominal_preset() {
     let dir = tempfile::tempdir().unwrap();
@@ -400,6 +401,6 @@ fn a_calibration_of_its_own_wins_over_a_nominal_preset() {
         "{:?}",
         nominal.guesses()
     );
-    // Its images have another size than this one's, which shows that it is taken.
+    // The preset is used, since its other image size is reported.
     assert!(of("tum_fr1").unwrap_err().to_string().contains("tum_fr1"));
 }

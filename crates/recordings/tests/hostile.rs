@@ -1,4 +1,4 @@
-//! Small files that ask for much: each ends early, and says what was left out.
+//! Small files that request large resources: each ends early, and reports the omitted parts.
 
 use crate::damage::chunk;
 use crate::files::put;
@@ -7,7 +7,6 @@ use std::path::Path;
 use stillpoint_recordings::{Info, OpenOptions, info, open};
 use stillpoint_ros_messages::*;
 
-/// An MCAP of one chunk, packed by LZ4.
 fn packed(records: &[u8]) -> Vec<u8> {
     let mut file = b"\x89MCAP0\r\n".to_vec();
     record(&mut file, 6, &chunk("lz4", records, 0));
@@ -191,7 +190,7 @@ fn transforms_have_a_bound() {
     assert!(said.contains("bytes on /tf_static is left out"), "{said}");
 }
 
-/// A frame of Zstandard that unpacks to so many blocks of 128 kB of one byte.
+/// A Zstandard frame that unpacks to this many blocks of 128 kB of one byte.
 fn blocks_of_zeros(before: &[u8], blocks: usize) -> Vec<u8> {
     // No size, no checksum, a window of 128 kB.
     let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0x00, 0x38];

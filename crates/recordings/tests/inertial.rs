@@ -23,7 +23,7 @@ fn header(time: u64, frame: &str) -> Header<'static> {
     }
 }
 
-/// Samples at some rate (Hz): rates that grow by 1 per second, forces by 100, from the time of the first frame on.
+/// Samples at a rate (Hz) from the time of the first frame on: angular rates grow by 1 per second, forces by 100.
 fn samples(topic: &str, hz: u64, frame: &str) -> Vec<Sent> {
     let one = |k: u64| {
         let after = k * 1_000_000_000 / hz;
@@ -82,7 +82,7 @@ fn every_sample_comes_with_the_frame_that_it_leads_to() {
             assert!((sample.angular_rate[0] - after).abs() < 1e-9);
             assert!((sample.specific_force[2] - 100.0 * after).abs() < 1e-6);
         }
-        // Those that lead to a later start begin shortly before it.
+        // With a later start, samples begin shortly before it.
         let late = self::taken(&input, 3);
         let first = late[0][0].stamp;
         assert!(
@@ -115,7 +115,7 @@ fn forces_with_a_topic_of_their_own_are_brought_to_the_rates() {
     for sample in all {
         let after = sample.stamp - 5.0;
         assert!((sample.angular_rate[0] - after).abs() < 1e-6);
-        // Between the two around it; none is between them where the forces begin.
+        // Interpolated, except at the start of the forces.
         assert!(
             (sample.specific_force[2] - 100.0 * after).abs() < 1e-4,
             "{sample:?}"
@@ -165,7 +165,7 @@ fn a_realsense_says_itself_how_its_sensor_is_mounted() {
     )
     .unwrap();
     let x = input.imu().unwrap().camera_from_imu.translation.x;
-    // The device's transforms lead from its depth camera to each stream.
+    // The device's transforms are from its depth camera to each stream.
     assert!((x - 0.01).abs() < 1e-9, "{x}");
     assert!(taken(&input, 0).concat().len() > 20);
 }
@@ -185,7 +185,7 @@ fn a_sensor_of_which_nobody_says_how_it_is_mounted_is_named_and_left_out() {
     assert!(input.imu().is_none() && taken(&input, 0).concat().is_empty());
     assert_eq!(frames(&input).len(), FRAMES);
 
-    // A camera file says it.
+    // The mounting from a camera file.
     let file = put(
         dir.path(),
         "camera.toml",
@@ -238,7 +238,7 @@ fn of_several_sensors_the_cameras_own_counts() {
         "{refused}"
     );
 
-    // Two that are as near: none is taken, and both are named.
+    // Of two equal candidates none is used, and both are named.
     all.retain(|m| m.topic != "/camera/imu");
     all.extend(samples("/base/imu", 100, "camera_imu"));
     let path = put(dir.path(), "rivals.mcap", &mcap(&all, None));

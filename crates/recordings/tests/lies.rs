@@ -1,5 +1,5 @@
-//! Messages and images that are well formed and say what cannot be: sizes, strides, figures and encodings that do not belong together, images whose checksums are
-//! right. Each test keeps 50 fixed seeds; `STILLPOINT_MUTATIONS` makes a campaign of it, as in `mutations.rs`.
+//! Well-formed messages and images with contradictory contents: sizes, strides, values and encodings that do not match, images with valid
+//! checksums. Each test uses 50 fixed seeds; `STILLPOINT_MUTATIONS` sets more, as in `mutations.rs`.
 
 use crate::mutations::{Random, campaign};
 use crate::writers::*;
@@ -104,7 +104,7 @@ fn of_image(image: &mut Image<'_>, random: &mut Random) {
     }
 }
 
-/// Another message of the same type in the place of one.
+/// Replaces a message by another one of the same type.
 fn lie(m: &mut Sent, random: &mut Random) {
     let bytes = m.cdr.clone();
     let topic = m.topic.clone();
@@ -145,7 +145,6 @@ fn figures_of_messages() {
     });
 }
 
-/// An image of a frame.
 fn picture(k: usize, format: ImageFormat) -> Vec<u8> {
     let pixel = |x: u32, y: u32| image::Rgb([grey(k, x, y); 3]);
     let mut out = Cursor::new(Vec::new());
@@ -155,7 +154,7 @@ fn picture(k: usize, format: ImageFormat) -> Vec<u8> {
     out.into_inner()
 }
 
-/// Parts out, more often, in another order, or with another number in one of them.
+/// Mostly removes parts; also reorders them, or changes a number in one.
 fn rearranged(parts: &mut Vec<Vec<u8>>, random: &mut Random) {
     for _ in 0..1 + random.below(3) {
         let at = random.below(parts.len());
@@ -171,7 +170,7 @@ fn rearranged(parts: &mut Vec<Vec<u8>>, random: &mut Random) {
             }
             _ => {
                 let part = &mut parts[at];
-                // Sizes and kinds stand at the beginning.
+                // Sizes and types are at the beginning.
                 let place = random.below(part.len().min(20));
                 let width = pick(&[1, 2, 4], random).min(part.len() - place);
                 let value = size(random).to_be_bytes();
@@ -181,7 +180,7 @@ fn rearranged(parts: &mut Vec<Vec<u8>>, random: &mut Random) {
     }
 }
 
-/// A PNG of other chunks, with checksums that are right.
+/// A PNG of modified chunks, with valid checksums.
 fn png(whole: &[u8], random: &mut Random) -> Vec<u8> {
     let (signature, mut rest) = whole.split_at(8);
     let mut chunks = Vec::new();
@@ -200,7 +199,7 @@ fn png(whole: &[u8], random: &mut Random) -> Vec<u8> {
     out
 }
 
-/// A JPEG of other segments, with lengths that are right.
+/// A JPEG of modified segments, with valid lengths.
 fn jpeg(whole: &[u8], random: &mut Random) -> Vec<u8> {
     let mut rest = &whole[2..];
     let mut segments = Vec::new();

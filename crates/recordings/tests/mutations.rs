@@ -1,5 +1,5 @@
-//! Damaged files of every format: nothing panics. Each test keeps 200 fixed seeds; `STILLPOINT_MUTATIONS=20000` makes a campaign of it, which also holds
-//! time and memory to their limits: at most 10 s a file, and 1 GB at the worst.
+//! Damaged files of every format must not cause a panic. Each test uses 200 fixed seeds; `STILLPOINT_MUTATIONS=20000` sets more, and also
+//! checks the limits of time and memory: at most 10 s per file, and 1 GB peak.
 
 use crate::files::{put, variants};
 use crate::orbbec;
@@ -12,10 +12,8 @@ use stillpoint_recordings::{FrameOptions, OpenOptions, open};
 
 const SEEDS: usize = 200;
 const LONGEST: Duration = Duration::from_secs(10);
-/// Peak memory of the process, kB.
 const MOST_MEMORY: u64 = 1_000_000;
 
-/// Numbers that are the same in every run.
 pub(crate) struct Random(u64);
 
 impl Random {
@@ -28,7 +26,7 @@ impl Random {
     }
 }
 
-/// A byte here and there, a block, a part moved, a cut.
+/// Modifies some bytes or a block, moves a part, or truncates.
 fn mutated(whole: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = whole.to_vec();
     for _ in 0..1 + random.below(8) {
@@ -69,7 +67,7 @@ fn read(path: &Path) {
     }
 }
 
-/// Peak memory of this process, kB; unknown elsewhere than on Linux.
+/// Peak memory of this process, kB; unknown except on Linux.
 fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
@@ -80,7 +78,6 @@ fn mutate(name: &str, whole: &[u8]) {
     campaign(name, SEEDS, |random| mutated(whole, random));
 }
 
-/// Reads so many files as something makes them.
 pub(crate) fn campaign(name: &str, seeds: usize, mut make: impl FnMut(&mut Random) -> Vec<u8>) {
     let asked = std::env::var("STILLPOINT_MUTATIONS");
     let asked = asked.ok().and_then(|n| n.parse::<usize>().ok());

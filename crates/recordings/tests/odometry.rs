@@ -25,7 +25,8 @@ fn header(time: u64, frame: &str) -> Header<'static> {
     }
 }
 
-/// A base that goes at 1 m/s and turns at 0.5 rad/s, at 50 Hz from 0.1 s before the first frame on; its variances grow by 0.01 and 0.04 per second.
+/// A base that moves at 1 m/s and turns at 0.5 rad/s, at 50 Hz from 0.1 s before the first frame on; its variances grow by 0.01 and 0.04
+/// per second.
 fn wheels(topic: &str, base: &str) -> Vec<Sent> {
     let one = |k: u64| {
         let after = 0.02 * k as f64;
@@ -75,7 +76,6 @@ fn named(topic: &str) -> OpenOptions {
     }
 }
 
-/// The odometry, what was guessed, and what was warned of.
 fn opened(path: &Path, options: &OpenOptions) -> (Option<OdometryModel>, String, String) {
     let input = open(path, options).unwrap();
     let said = (input.guesses().join("\n"), input.warnings().join("\n"));
@@ -124,7 +124,7 @@ fn where_the_camera_stands_must_be_said_and_may_not_move() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = camera("/camera", FRAMES);
     all.extend(wheels("/odom", "base_link"));
-    // Through what the wheels measure nothing is fixed, nor through a mast that turns.
+    // Neither a path through the measured motion nor one through a rotating mast is static.
     all.push(tf("/tf", 1, ["odom", "base_link"], 0.0));
     all.push(tf("/tf", 2, ["odom", "camera_optical"], 0.5));
     all.push(tf("/tf", 3, ["base_link", "mast"], 0.5));
@@ -169,13 +169,13 @@ fn what_may_not_be_of_wheels_is_used_only_when_it_is_named() {
         let (model, said, warned) = opened(&path, &named(name));
         assert!(model.is_some() && warned.is_empty(), "{warned}");
         assert!(!said.contains("taken to be of wheels"), "{said}");
-        // Beside wheels it does not disturb.
+        // Beside wheel odometry it is ignored.
         all.extend(wheels("/odom", "base_link"));
         let path = file(dir.path(), &format!("two_{base}.mcap"), &all);
         let (_, said, warned) = opened(&path, &OpenOptions::default());
         assert!(said.contains("odometry: /odom") && warned.is_empty());
     }
-    // Of two that may be, none is taken, and both are named.
+    // Of two candidates none is used, and both are named.
     let mut all = robot();
     all.extend(wheels("/odom", "base_link"));
     all.extend(wheels("/odometry/filtered", "base_link"));

@@ -1,4 +1,4 @@
-//! Bags of Orbbec's SDK, written as its `RosbagWriter` does: numbered topics, images with fields after their data, cameras at the end.
+//! Bags of Orbbec's SDK, written as by its `RosbagWriter`: numbered topics, images with fields after their data, cameras at the end.
 
 use crate::files::put;
 use crate::writers::*;
@@ -8,7 +8,7 @@ use stillpoint_ros_messages::*;
 
 const SIZE: (u32, u32) = (64, 48);
 
-/// An image with what the SDK adds behind: number, three times, metadata.
+/// An image with the SDK's additional fields: number, three times, metadata.
 fn image(sensor: u32, time: u64, encoding: &'static str, step: u32, data: Vec<u8>) -> Sent {
     let mut header = Header::default();
     header.stamp.sec = (time / 1_000_000_000) as i64;
@@ -56,7 +56,8 @@ fn profile(stream: u8, f: f32, apart: f32) -> Sent {
     )
 }
 
-/// `frames` frames of a wall at one metre with a column at half a metre, seen by a depth camera 50 mm beside the colour camera, and what its infrared camera sees.
+/// `frames` frames of a wall at one metre with a column at half a metre, seen by a depth camera 50 mm beside the colour camera, and by its
+/// infrared camera.
 pub(crate) fn messages(frames: u64) -> Vec<Sent> {
     let pixels = (SIZE.0 * SIZE.1) as usize;
     let mut wall = vec![1000_u16; pixels];
@@ -107,14 +108,14 @@ fn its_bags_are_read() {
             .collect();
         assert_eq!(found.len(), 4);
         assert!(found[0].gray.at(10, 10).abs_diff(90) < 3);
-        // Three columns to the right for the wall, six for what is half as far.
+        // Three columns to the right for the wall, six at half the distance.
         assert_eq!(found[0].depth.at(40, 10), 1.0);
         assert_eq!(found[0].depth.at(26, 10), 0.5);
         assert!((found[1].stamp - 5.033_333).abs() < 1e-9);
     }
 }
 
-/// A recording that was cut off before its cameras were described.
+/// A recording that was truncated before the description of its cameras.
 #[test]
 fn without_its_cameras_it_asks_for_one() {
     let dir = tempfile::tempdir().unwrap();

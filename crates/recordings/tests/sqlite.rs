@@ -1,4 +1,4 @@
-//! Data bases of rosbag2.
+//! Databases of rosbag2.
 
 use crate::writers::*;
 use rusqlite::Connection;
@@ -6,7 +6,6 @@ use std::path::Path;
 use stillpoint_imaging::FrameSource;
 use stillpoint_recordings::{FrameOptions, OpenOptions, open};
 
-/// Writes a data base and leaves it open.
 pub(crate) fn write(path: &Path, messages: &[Sent]) -> Connection {
     let base = Connection::open(path).unwrap();
     base.execute_batch(
@@ -43,7 +42,7 @@ fn a_log_that_a_recorder_left_is_read() {
     let dir = tempfile::tempdir().unwrap();
     let live = dir.path().join("live.db3");
     let base = write(&live, &camera("/camera", 5));
-    // As after a loss of power: everything is in the log.
+    // As after a power failure: everything is in the log.
     let left = dir.path().join("left 100%?.db3");
     std::fs::copy(&live, &left).unwrap();
     std::fs::copy(
@@ -53,7 +52,7 @@ fn a_log_that_a_recorder_left_is_read() {
     .unwrap();
     drop(base);
     assert_eq!(count(&left), 5);
-    // Closed properly, there is none.
+    // Closing properly removes the log.
     assert!(!dir.path().join("live.db3-wal").exists());
     assert_eq!(count(&live), 5);
 }

@@ -1,5 +1,5 @@
-//! Files that are well formed record by record and wrong in what the records say: mutants of single bytes are mostly refused by a checksum or a length. Each
-//! test keeps 50 fixed seeds; `STILLPOINT_MUTATIONS` makes a campaign of it, as in `mutations.rs`.
+//! Files with well-formed records and wrong contents: mutated single bytes are mostly caught by a checksum or a length. Each test uses 50
+//! fixed seeds; `STILLPOINT_MUTATIONS` sets more, as in `mutations.rs`.
 
 use crate::damage::{chunk, chunk_of, records_of};
 use crate::mutations::{Random, campaign};
@@ -7,7 +7,7 @@ use crate::writers::*;
 
 const SEEDS: usize = 50;
 
-/// Numbers at the ends of what fits, in so many bytes.
+/// Extreme values of an integer of this many bytes.
 fn extreme(random: &mut Random, bytes: usize) -> Vec<u8> {
     let all = [
         0,
@@ -27,7 +27,7 @@ fn extreme(random: &mut Random, bytes: usize) -> Vec<u8> {
     all[random.below(all.len())].to_le_bytes()[..bytes].to_vec()
 }
 
-/// Records taken out, twice, in another order, or with another number within one of them.
+/// Removes, duplicates or reorders records, or changes a number in one.
 fn rearranged<K: Clone>(records: &mut Vec<(K, Vec<u8>)>, random: &mut Random) {
     for _ in 0..1 + random.below(6) {
         if records.is_empty() {
@@ -58,7 +58,7 @@ fn rearranged<K: Clone>(records: &mut Vec<(K, Vec<u8>)>, random: &mut Random) {
                 let body = &mut records[at].1;
                 let width = [1, 2, 4, 8][random.below(4)];
                 if body.len() >= width {
-                    // Numbers stand at the beginning of most records.
+                    // Numbers are at the beginning of most records.
                     let reach = if random.below(2) == 0 { 64 } else { usize::MAX };
                     let place = random.below((body.len() - width + 1).min(reach));
                     let value = extreme(random, width);
@@ -90,7 +90,7 @@ fn records_of_mcap() {
                 rearranged(&mut within, random);
             }
             let bytes = written(&within);
-            // Right, as by somebody who means it.
+            // With a valid checksum, as in a deliberate attack.
             let crc = crc32fast::hash(&bytes);
             *body = chunk(["", "lz4", "zstd", &how][random.below(4)], &bytes, crc);
         }
@@ -101,7 +101,6 @@ fn records_of_mcap() {
     });
 }
 
-/// Records of a bag: headers and data.
 fn bag_records(mut bytes: &[u8]) -> Vec<(Vec<u8>, Vec<u8>)> {
     let mut all = Vec::new();
     let part = |bytes: &mut &[u8]| {
@@ -137,7 +136,7 @@ fn records_of_bags() {
             let mut within = bag_records(data);
             rearranged(&mut within, random);
             if random.below(3) == 0 && !within.is_empty() {
-                // A number in a header, whose fields stay.
+                // Changes a number in a header and keeps its fields.
                 let at = random.below(within.len());
                 let field = &mut within[at].0;
                 if field.len() > 20 {
@@ -201,7 +200,7 @@ fn rows_of_data_bases() {
                 "char(10)",
             ][random.below(15)];
             let row = random.below(12);
-            // What the table's own rules refuse is no mutant.
+            // Statements that violate the table's constraints have no effect.
             let _ = base.execute_batch(&match random.below(5) {
                 0 => format!("DELETE FROM {table} WHERE id = {row}"),
                 1 => format!("INSERT OR IGNORE INTO {table} SELECT id + 100, * FROM {table} WHERE 0"),

@@ -1,8 +1,7 @@
-//! Small recordings, written record by record as the formats' descriptions have it.
+//! Small recordings, written record by record as the formats are specified.
 
 use stillpoint_ros_messages::*;
 
-/// What a file holds.
 pub(crate) struct Sent {
     pub(crate) topic: String,
     pub(crate) type_name: &'static str,
@@ -25,28 +24,27 @@ pub(crate) fn sent<'a, T: Message + Wire<'a>>(topic: &str, time: u64, message: &
 pub(crate) const WIDTH: u32 = 32;
 pub(crate) const HEIGHT: u32 = 24;
 
-/// Depth of frame `k` in millimetres at a pixel, and its grey value.
+/// Depth of frame `k` at a pixel, mm, and its grey value.
 pub(crate) fn depth_mm(k: usize, x: u32, y: u32) -> u16 {
     (1000 + 10 * k as u32 + 3 * x + y) as u16
 }
 
 pub(crate) fn grey(k: usize, x: u32, y: u32) -> u8 {
-    // Noise, which compression cannot shorten.
+    // Incompressible noise.
     let n = (x + WIDTH * (y + HEIGHT * k as u32) + 1).wrapping_mul(0x9e37_79b9);
     ((n ^ (n >> 15)).wrapping_mul(0x85eb_ca6b) >> 24) as u8
 }
 
-/// `frames` frames of a camera at 30 Hz below a name space.
+/// `frames` frames of a camera at 30 Hz below a namespace.
 pub(crate) fn camera(space: &str, frames: usize) -> Vec<Sent> {
     stamped_camera(space, frames, arrived)
 }
 
-/// When frame `k` was taken, ns.
 pub(crate) fn arrived(k: usize) -> u64 {
     5_000_000_000 + k as u64 * 33_333_333
 }
 
-/// The same with stamps of its own, ns.
+/// With the given header stamps, ns.
 pub(crate) fn stamped_camera(space: &str, frames: usize, stamp: fn(usize) -> u64) -> Vec<Sent> {
     let mut all = Vec::new();
     let pixels = || (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
@@ -94,12 +92,11 @@ pub(crate) fn stamped_camera(space: &str, frames: usize, stamp: fn(usize) -> u64
     all
 }
 
-/// Poses of a topic `/odom`, one per frame.
 pub(crate) fn odometry(frames: usize) -> Vec<Sent> {
     stamped_odometry(frames, arrived)
 }
 
-/// The same with stamps, ns; they arrive at those times.
+/// With the given stamps, ns, which are also the times of arrival.
 pub(crate) fn stamped_odometry(frames: usize, stamp: impl Fn(usize) -> u64) -> Vec<Sent> {
     let one = |k: usize| {
         let time = stamp(k);
@@ -143,7 +140,7 @@ fn topics(messages: &[Sent]) -> Vec<(&str, &'static str)> {
     all
 }
 
-/// MCAP without chunks, or in chunks of some messages, compressed by `lz4` where asked. Neither has a summary.
+/// MCAP without chunks, or in chunks of some messages, compressed by `lz4` on request. Neither has a summary.
 pub(crate) fn mcap(messages: &[Sent], chunk: Option<(usize, bool)>) -> Vec<u8> {
     let magic = b"\x89MCAP0\r\n";
     let mut file = magic.to_vec();
@@ -194,7 +191,7 @@ pub(crate) fn mcap(messages: &[Sent], chunk: Option<(usize, bool)>) -> Vec<u8> {
                 body.extend((stored.len() as u64).to_le_bytes());
                 body.extend(stored);
                 record(&mut file, 6, &body);
-                // What later versions may add, and an attachment.
+                // A record of a later version, and an attachment.
                 record(&mut file, 0x80, &[1, 2, 3]);
                 record(&mut file, 9, &[0; 40]);
             }
@@ -239,7 +236,7 @@ pub(crate) fn bag_record(to: &mut Vec<u8>, header: &[(&str, Vec<u8>)], data: &[u
     to.extend(data);
 }
 
-/// A ROS 1 bag in chunks of some messages, without any index. `how`: none, lz4 or bz2.
+/// A ROS 1 bag in chunks of some messages, without an index. `how`: none, lz4 or bz2.
 pub(crate) fn bag(messages: &[Sent], how: &str) -> Vec<u8> {
     let mut file = b"#ROSBAG V2.0\n".to_vec();
     let op = |op: u8| ("op", vec![op]);

@@ -1,9 +1,9 @@
 //! The axes of ROS (REP-103) and those of cameras.
 //!
-//! Poses of this project are of cameras: x to the right, y down, z forward, in the world and in the camera alike. ROS wants bodies and worlds with x forward, y to the
-//! left, z up. The world's axes are those of the camera at the first frame, so *up* is what was up there.
+//! Poses of this project are of cameras: x to the right, y down, z forward, in the world and in the camera alike. ROS requires bodies and
+//! worlds with x forward, y to the left, z up. The world's axes are those of the camera at the first frame, so *up* is up at that frame.
 //!
-//! Only the names of coordinates and their signs change, so nothing is rounded, and [`pose_to_optical`] undoes [`pose_to_ros`] to the last bit.
+//! Only the names of coordinates and their signs change, so nothing is rounded, and [`pose_to_optical`] inverts [`pose_to_ros`] exactly.
 
 use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
 use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3};
@@ -14,19 +14,19 @@ pub fn body_from_optical() -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(0.5, -0.5, 0.5, -0.5))
 }
 
-/// A point or vector in optical axes, in those of ROS.
+/// Converts a point or vector from optical axes to ROS axes.
 #[must_use]
 pub fn point_to_ros(p: &Vec3) -> Vec3 {
     Vec3::new(p.z, -p.x, -p.y)
 }
 
-/// A point or vector in the axes of ROS, in optical axes.
+/// Converts a point or vector from ROS axes to optical axes.
 #[must_use]
 pub fn point_to_optical(p: &Vec3) -> Vec3 {
     Vec3::new(-p.y, -p.z, p.x)
 }
 
-/// A pose `world_from_camera` with both in optical axes, as `world_from_body` with both in the axes of ROS.
+/// Converts `world_from_camera`, both in optical axes, to `world_from_body`, both in ROS axes.
 #[must_use]
 pub fn pose_to_ros(pose: &Se3) -> Se3 {
     let q = &pose.rotation;
@@ -37,7 +37,7 @@ pub fn pose_to_ros(pose: &Se3) -> Se3 {
     )
 }
 
-/// What [`pose_to_ros`] gave, as it was.
+/// Inverse of [`pose_to_ros`].
 #[must_use]
 pub fn pose_to_optical(pose: &Se3) -> Se3 {
     let q = &pose.rotation;
@@ -48,7 +48,7 @@ pub fn pose_to_optical(pose: &Se3) -> Se3 {
     )
 }
 
-/// A covariance `[translation; rotation]` in optical axes, in those of ROS.
+/// Converts a covariance `[translation; rotation]` from optical axes to ROS axes.
 #[must_use]
 pub fn covariance_to_ros(covariance: &Mat6) -> Mat6 {
     let turn = Mat3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(point_to_ros(&-right), Vec3::y());
         assert_eq!(point_to_ros(&-down), Vec3::z());
         assert!((body_from_optical() * forward - Vec3::x()).norm() < 1e-15);
-        // A turn to the left is one about the axis that points up.
+        // A turn to the left is about the axis that points up.
         let left = Se3::new(so3::exp(&Vec3::new(0.0, -0.3, 0.0)), Vec3::zeros());
         let turn = so3::log(&pose_to_ros(&left).rotation);
         assert!((turn - Vec3::new(0.0, 0.0, 0.3)).norm() < 1e-12);

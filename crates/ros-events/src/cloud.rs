@@ -6,7 +6,7 @@ use stillpoint_geometry::Vec3;
 use stillpoint_map::{MapView, SubmapId};
 use stillpoint_ros_messages as ros;
 
-/// The landmarks with how likely they stand still and how many keyframes saw them, in the frame of the submap.
+/// The landmarks with their static probability and number of keyframe observations, in the frame of the submap.
 pub(crate) fn landmarks<'a>(
     view: &MapView,
     submap: SubmapId,
@@ -35,7 +35,7 @@ pub(crate) fn landmarks<'a>(
     cloud(header, &fields, data)
 }
 
-/// Points of a surface (m) in the world, with their colours.
+/// Coloured points of a surface (m) in the world.
 pub(crate) fn surface<'a>(
     points: &[([f32; 3], [u8; 3])],
     mount: &Mount,
@@ -47,7 +47,7 @@ pub(crate) fn surface<'a>(
         for x in [p.x as f32, p.y as f32, p.z as f32] {
             data.extend_from_slice(&x.to_le_bytes());
         }
-        // As rviz wants it: the bytes of 0x00rrggbb, in a field that calls itself a float.
+        // As rviz requires: the bytes of 0x00rrggbb, in a field declared as float.
         data.extend_from_slice(&[*b, *g, *r, 0]);
     }
     cloud(header, &[("rgb", ros::PointField::FLOAT32)], data)

@@ -7,10 +7,9 @@ use stillpoint_slam::{FrameEvent, Outcome};
 const OK: u8 = 0;
 const WARN: u8 = 1;
 const ERROR: u8 = 2;
-/// Below this quality a pose is worth a warning.
+/// Below this quality a pose is reported as a warning.
 const POOR: f64 = 0.3;
 
-/// How well things stand at a frame.
 pub(crate) fn message<'a>(frame: &FrameEvent, header: ros::Header<'a>) -> ros::DiagnosticArray<'a> {
     let (report, health) = (&frame.report, &frame.health);
     let quality = health.quality.value();

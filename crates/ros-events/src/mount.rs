@@ -1,19 +1,19 @@
-//! Where the camera is mounted on a body, so that the body's frame can be published instead of the camera's.
+//! The camera's mount on a body, so that the body's frame can be published instead of the camera's.
 //!
-//! The world of a run has the axes of the first camera. The map of a robot has those of the robot's base at that moment: x forward, z up, whatever way the
-//! camera looks.
+//! The world of a run has the axes of the first camera. The map of a robot has those of the robot's base at that moment: x forward, z up,
+//! whatever the camera's direction.
 
 use crate::axes;
 use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3, Vec6};
 
-/// The place of the camera's body (x forward) on the base; the default is the base itself, and rounds nothing.
+/// Pose of the camera's body (x forward) on the base; the default is the base itself, and rounds nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mount {
     base_from_body: Option<Se3>,
 }
 
 impl Mount {
-    /// By the transform from the optical frame (z forward) to the base, as chains of transforms give it.
+    /// From the transform from the optical frame (z forward) to the base, as chains of transforms give it.
     #[must_use]
     pub fn of_optical(base_from_optical: &Se3) -> Self {
         let body_from_optical = Se3::new(axes::body_from_optical(), Vec3::zeros());
@@ -30,44 +30,44 @@ impl Mount {
         self.base_from_body.unwrap_or_else(Se3::identity)
     }
 
-    /// Which way is up in the world of a run: away from the floor that the base stands on.
+    /// The up direction in the world of a run: away from the floor of the base.
     #[must_use]
     pub fn up(&self) -> Vec3 {
         axes::point_to_optical(&(self.pose().rotation.inverse() * Vec3::z()))
     }
 
-    /// The pose of the base in the map, of the camera's in the world.
+    /// Pose of the base in the map, from the camera's in the world.
     pub(crate) fn base(&self, world_from_camera: &Se3) -> Se3 {
         let pose = axes::pose_to_ros(world_from_camera);
         self.base_from_body
             .map_or(pose, |mount| mount * pose * mount.inverse())
     }
 
-    /// A point of the world (m), in the map.
+    /// Converts a point of the world (m) to the map.
     pub(crate) fn point(&self, p: &Vec3) -> Vec3 {
         let p = axes::point_to_ros(p);
         self.base_from_body.map_or(p, |mount| mount.transform(&p))
     }
 
-    /// A pose in the world in the axes of ROS, in the map: only its parent changes.
+    /// Converts a pose in the world in ROS axes to the map: only its parent changes.
     pub(crate) fn place(&self, pose: &Se3) -> Se3 {
         self.base_from_body.map_or(*pose, |mount| mount * *pose)
     }
 
-    /// A direction of the world in the axes of ROS, in the map.
+    /// Converts a direction of the world in ROS axes to the map.
     pub(crate) fn direction(&self, v: &Vec3) -> Vec3 {
         self.base_from_body.map_or(*v, |mount| mount.rotation * *v)
     }
 
-    /// A covariance of a point in the world in the axes of ROS, in the map.
+    /// Converts the covariance of a point in the world in ROS axes to the map.
     pub(crate) fn point_covariance(&self, covariance: &Mat6) -> Mat6 {
         self.base_from_body.map_or(*covariance, |mount| {
             axes::turned(covariance, &mount.rotation_matrix())
         })
     }
 
-    /// The covariance `[translation; rotation]` of the base's pose, about the axes of `odom`, of that of the camera's pose about the axes of its world. `odom_from_base` has
-    /// the direction of the lever between them.
+    /// The covariance `[translation; rotation]` of the base's pose, about the axes of `odom`, from that of the camera's pose about the axes
+    /// of its world. `odom_from_base` gives the direction of the lever between them.
     pub(crate) fn covariance(&self, of_camera: &Mat6, odom_from_base: &Se3) -> Mat6 {
         let covariance = axes::covariance_to_ros(of_camera);
         let Some(mount) = self.base_from_body else {
@@ -78,7 +78,7 @@ impl Mount {
         carried(&turned, &lever)
     }
 
-    /// Covariance of the base's velocity in its own axes, of that of the camera's in its own.
+    /// Covariance of the base's velocity in its own axes, from the camera's in its own.
     pub(crate) fn velocity_covariance(&self, of_camera: &Mat6) -> Mat6 {
         let covariance = axes::covariance_to_ros(of_camera);
         let Some(mount) = self.base_from_body else {
@@ -88,7 +88,7 @@ impl Mount {
         carried(&turned, &-mount.translation)
     }
 
-    /// Velocity `[linear; angular]` of the base in its own axes, of that of the camera in its own (optical).
+    /// Velocity `[linear; angular]` of the base in its own axes, from the camera's in its own (optical).
     pub(crate) fn velocity(&self, of_camera: &Vec6) -> [Vec3; 2] {
         let [linear, angular] = [0, 3].map(|at| {
             let part: Vec3 = of_camera.fixed_rows::<3>(at).into();
@@ -103,7 +103,7 @@ impl Mount {
     }
 }
 
-/// A covariance `[translation; rotation]` of a point of a rigid body, of that of a point `lever` away: `t' = t + r x lever`.
+/// A covariance `[translation; rotation]` of a point of a rigid body, from that of a point `lever` away: `t' = t + r x lever`.
 fn carried(covariance: &Mat6, lever: &Vec3) -> Mat6 {
     let cross = Mat3::new(
         0.0, lever.z, -lever.y, -lever.z, 0.0, lever.x, lever.y, -lever.x, 0.0,
@@ -126,7 +126,7 @@ mod tests {
         #[test]
         fn the_chain_leads_to_the_camera(base_from_optical in poses(), world_from_camera in poses(), p in prop::array::uniform3(-2.0..2.0_f64)) {
             let mount = Mount::of_optical(&base_from_optical);
-            // map -> base -> optical sees a point of the camera where the map has it.
+            // map -> base -> optical maps a point of the camera to its place in the map.
             let p = Vec3::from(p);
             let by_chain = mount.base(&world_from_camera).transform(&base_from_optical.transform(&p));
             let direct = mount.point(&world_from_camera.transform(&p));
@@ -149,7 +149,7 @@ mod tests {
 
         #[test]
         fn covariances_go_with_the_lever(base_from_optical in poses(), odom_from_camera in poses(), turn in prop::array::uniform6(-1.0..1.0_f64)) {
-            // A small motion of the camera about the axes of its world, and what it does to the base.
+            // A small motion of the camera about the axes of its world, and its effect on the base.
             let mount = Mount::of_optical(&base_from_optical);
             let small = Vec6::from(turn) * 1e-6;
             let (t, r): (Vec3, Vec3) = (small.fixed_rows::<3>(0).into(), small.fixed_rows::<3>(3).into());

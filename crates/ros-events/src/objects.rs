@@ -1,4 +1,4 @@
-//! Objects whose place is known, as detections and as markers.
+//! Objects with a known position, as detections and as markers.
 
 use crate::axes;
 use crate::mount::Mount;
@@ -8,28 +8,28 @@ use stillpoint_geometry::{Mat6, Se3, Vec3};
 use stillpoint_ros_messages as ros;
 use stillpoint_slam::FrameReport;
 
-/// Kinds of markers, and what to do with them.
+/// Kinds and actions of markers.
 const ARROW: i32 = 0;
 const CUBE: i32 = 1;
 const TEXT: i32 = 9;
 const DELETE_ALL: i32 = 3;
-/// Speed below which nothing is drawn, m/s.
+/// Speed below which no arrow is drawn, m/s.
 const STANDS: f64 = 0.05;
 /// Height of letters and thickness of arrows, m.
 const LETTERS: f64 = 0.15;
 const ARROW_SHAFT: f64 = 0.04;
 const ARROW_HEAD: f64 = 0.1;
-/// Side of an object whose size is not known, m.
+/// Side of an object of unknown size, m.
 const UNKNOWN_SIZE: f64 = 0.3;
 
-/// An object as it stands in the world, in the axes of ROS.
+/// An object in the world, in ROS axes.
 struct Placed<'a> {
     object: &'a Object,
     position: Vec3,
     velocity: Vec3,
     /// Of the position, in the axes of the world.
     covariance: Mat6,
-    /// Width and height are those that the camera saw, so the box has its axes.
+    /// Width and height are those in the image, so the box has the camera's axes.
     world_from_box: Se3,
     size: [f64; 3],
 }
@@ -59,13 +59,13 @@ impl<'a> Placed<'a> {
             velocity,
             covariance,
             world_from_box,
-            // How deep it is, a camera does not see.
+            // The camera does not see its depth.
             size: [width, width, height],
         }
     }
 }
 
-/// The objects of a frame that are more than a guess, in the frame of `header`.
+/// The confirmed objects of a frame, in the frame of `header`.
 pub(crate) fn messages<'a>(
     report: &FrameReport,
     world_from_camera: &Se3,
@@ -149,7 +149,7 @@ fn cube<'a>(p: &Placed<'_>, header: &ros::Header<'a>) -> ros::Marker<'a> {
     cube
 }
 
-/// From the object to where it is in a second.
+/// From the object to its position in a second.
 fn arrow<'a>(p: &Placed<'_>, header: &ros::Header<'a>) -> Option<ros::Marker<'a>> {
     let moves = p.object.motion == Motion::Moving && p.velocity.norm() > STANDS;
     moves.then(|| {

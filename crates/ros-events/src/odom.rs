@@ -1,7 +1,8 @@
-//! The frame that never jumps, and where it is in the map (REP-105).
+//! The `odom` frame, which never jumps, and its pose in the map (REP-105).
 //!
-//! Answers: where the camera is in `odom`, and by what transform the map comes to that. While the map is not corrected, both frames move together. A correction (a
-//! loop, the beginning revoked, a submap joined) changes the transform by what it did to the newest keyframe; after a loss, and where a submap begins, `odom` goes on from where it was.
+//! Answers: the camera's pose in `odom`, and the transform from that to the map. While the map is not corrected, both frames move together.
+//! A correction (a loop, the beginning revoked, a submap joined) changes the transform by the shift of the newest keyframe; after a loss,
+//! and at the beginning of a submap, `odom` continues from its last pose.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -12,29 +13,30 @@ use stillpoint_slam::{Event, FrameReport, Outcome};
 /// A frame with a pose, in all frames of reference. All axes are those of cameras.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Located {
-    /// The submap whose frame of reference is called the world here.
+    /// The submap whose frame of reference is the world here.
     pub submap: SubmapId,
-    /// Where `odom` is in the world.
+    /// Pose of `odom` in the world.
     pub world_from_odom: Se3,
-    /// Where the camera is in `odom`.
+    /// Pose of the camera in `odom`.
     pub odom_from_camera: Se3,
-    /// Where the camera is in the world: the pose as it was reported.
+    /// Pose of the camera in the world, as reported.
     pub world_from_camera: Se3,
-    /// Velocity of the camera `[translation; rotation]` in its own axes since the frame before, m/s and rad/s; none at the first frame and after a loss.
+    /// Velocity of the camera `[translation; rotation]` in its own axes since the previous frame, m/s and rad/s; `None` at the first frame
+    /// and after a loss.
     pub velocity: Option<Vec6>,
-    /// Time since the frame before that had a pose, s.
+    /// Time since the previous frame with a pose, s.
     pub since: Option<f64>,
 }
 
-/// Follows a run. It must see every event.
+/// Tracks `odom` through a run. It must receive every event.
 #[derive(Clone, Debug)]
 pub struct Odom {
     odom_from_world: Se3,
     last: Option<Last>,
-    /// Frames without a pose since.
+    /// Whether the last frame had no pose.
     lost: bool,
     view: Option<Arc<MapView>>,
-    /// Corrections that the tracker has not yet seen.
+    /// Corrections that the tracker has not yet applied.
     pending: VecDeque<Correction>,
 }
 
@@ -46,12 +48,12 @@ struct Last {
     velocity: Option<Vec6>,
 }
 
-/// What a correction did where the camera is.
+/// Shift of the camera by a correction.
 #[derive(Clone, Debug)]
 struct Correction {
-    /// Version of the map that has it.
+    /// First version of the map with the correction.
     version: u64,
-    /// New world from old world, and the submap that it is of; none when no keyframe tells.
+    /// New world from old world, and its submap; `None` if no keyframe determines it.
     shift: Option<(Se3, SubmapId)>,
 }
 
@@ -68,7 +70,7 @@ impl Default for Odom {
 }
 
 impl Odom {
-    /// A map is put in the place of the one so far: the camera will be found in it, and `odom` goes on from where it was.
+    /// Another map replaces the current one: the camera will be localised in it, and `odom` continues from its last pose.
     pub fn begin_other_map(&mut self) {
         self.lost = true;
         self.view = None;
@@ -79,7 +81,7 @@ impl Odom {
         }
     }
 
-    /// Takes an event; where it is a frame with a pose, says where that is.
+    /// Takes an event; returns the location if it is a frame with a pose.
     pub fn take(&mut self, event: &Event) -> Option<Located> {
         if let Event::Corrected { view, .. } | Event::Revoked { view, .. } = event {
             let shift = self.shift_to(view);
@@ -94,7 +96,7 @@ impl Odom {
         self.locate(&event.as_frame()?.report)
     }
 
-    /// What a new version of the map does to the newest keyframe that was and is in it.
+    /// Shift, by a new version of the map, of the newest keyframe that both versions have.
     fn shift_to(&self, view: &MapView) -> Option<(Se3, SubmapId)> {
         let before = self.view.as_ref()?;
         let here = self.last.as_ref()?.submap;
@@ -162,7 +164,7 @@ impl Odom {
 }
 
 impl Last {
-    /// Where the camera is taken to be at a later time: it goes on as it went, or after a loss, where it was.
+    /// Predicted pose at a later time: at constant velocity, or after a loss unchanged.
     fn expected(&self, stamp: f64, lost: bool) -> Se3 {
         match self.velocity {
             Some(velocity) if !lost => {
@@ -251,7 +253,7 @@ mod tests {
         assert!(off < 1e-9, "{found:?} where {expected:?} was expected");
     }
 
-    /// Whatever it says, the two transforms lead to the pose.
+    /// In any case the two transforms give the pose.
     #[track_caller]
     fn locate(odom: &mut Odom, report: &FrameReport) -> Located {
         let located = odom.locate(report).unwrap();
@@ -286,13 +288,13 @@ mod tests {
         let view = map.publish();
         let version = view.version();
         assert!(odom.take(&corrected(view)).is_none());
-        // Tracking has not seen it yet.
+        // Tracking has not applied it yet.
         let before = locate(&mut odom, &frame(2, Some(at(0.5, 0.1)), version - 1));
         check(&before.world_from_odom, &Se3::identity());
         let after = locate(&mut odom, &frame(3, Some(shift * at(0.6, 0.1)), version));
         check(&after.odom_from_camera, &at(0.6, 0.1));
         check(&after.world_from_odom, &shift);
-        // Velocity knows nothing of it.
+        // The velocity does not include it.
         assert!((after.velocity.unwrap() - before.velocity.unwrap()).norm() < 1e-9);
     }
 

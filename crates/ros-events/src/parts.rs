@@ -1,9 +1,9 @@
-//! Stamps, poses, vectors, covariances and cameras as messages have them.
+//! Stamps, poses, vectors, covariances and cameras in message form.
 
 use stillpoint_geometry::{Camera, Mat6, Se3, Vec3};
 use stillpoint_ros_messages as ros;
 
-/// Stamps of data sets have microseconds; what a number of seconds has beyond is rounding.
+/// Stamps of data sets have microseconds; further digits of a number of seconds are rounding.
 pub(crate) fn nanoseconds(stamp: f64) -> u64 {
     let micro = (stamp * 1e6).round();
     if micro > 0.0 {
@@ -13,7 +13,7 @@ pub(crate) fn nanoseconds(stamp: f64) -> u64 {
     }
 }
 
-/// A stamp in seconds as ROS has it.
+/// A stamp in seconds as ROS time.
 pub(crate) fn time_of(stamp: f64) -> ros::Time {
     let time = nanoseconds(stamp);
     ros::Time {
@@ -22,7 +22,7 @@ pub(crate) fn time_of(stamp: f64) -> ros::Time {
     }
 }
 
-/// A pose in the axes of ROS, in the parts of its messages.
+/// A pose in ROS axes, in the parts of its messages.
 pub(crate) fn quaternion_and_point(pose: &Se3) -> (ros::Quaternion, ros::Point) {
     let t = &pose.translation;
     let point = ros::Point {

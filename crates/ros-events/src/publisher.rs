@@ -13,22 +13,22 @@ use stillpoint_map::{MapView, SubmapId};
 use stillpoint_ros_messages as ros;
 use stillpoint_slam::{Event, FrameEvent, Health, LoopOutcome, Outcome};
 
-/// Shortest time between two publications of path and map, s.
+/// Minimum time between two publications of path and map, s.
 const EVERY: f64 = 1.0;
-/// Shortest time between two publications of path and map, as a share of the time since the first frame. All maps of a long run together
+/// Minimum time between two publications of path and map, as a fraction of the time since the first frame. All maps of a long run together
 /// then take no more than some twenty times the size of the last one.
 const EVERY_SHARE: f64 = 0.05;
-/// Variance of what the measurements leave open, m^2 or rad^2.
+/// Variance of unmeasured components, m^2 or rad^2.
 const OPEN: f64 = 1e6;
 
 /// Names of the frames of reference.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameNames {
-    /// The first submap; a further one has `_` and its number added.
+    /// The first submap; later ones have `_` and their number appended.
     pub map: String,
     /// The frame that never jumps.
     pub odom: String,
-    /// The base, x forward and z up: the camera's body, unless a [`Mount`] says where the camera is on it.
+    /// The base, x forward and z up: the camera's body, unless a [`Mount`] places the camera on another one.
     pub body: String,
     /// The camera, z forward.
     pub optical: String,
@@ -45,7 +45,7 @@ impl Default for FrameNames {
     }
 }
 
-/// Turns the events of a run into messages. It must see every event, in order.
+/// Converts the events of a run to messages. It must receive every event, in order.
 #[derive(Clone, Debug)]
 pub struct Publisher {
     names: FrameNames,
@@ -54,17 +54,14 @@ pub struct Publisher {
     has_constant: bool,
     camera: Camera,
     odom: Odom,
-    /// The submap that is called the map.
     first: Option<SubmapId>,
-    /// Where the camera was last.
     here: Option<SubmapId>,
     /// Stamps of the first and of the last frame, s.
     span: Option<(f64, f64)>,
-    /// When the map was published last, s.
     shown: Option<f64>,
     /// The newest map, until it is published.
     unshown: Option<Arc<MapView>>,
-    /// Of the frame before, if it had a pose.
+    /// Of the previous frame, if it had a pose.
     last_health: Option<Health>,
 }
 
@@ -87,14 +84,14 @@ impl Publisher {
         }
     }
 
-    /// With other names of frames.
+    /// Sets the names of frames.
     #[must_use]
     pub fn with_names(mut self, names: FrameNames) -> Self {
         self.names = names;
         self
     }
 
-    /// Of a camera that is mounted on a base, as others publish.
+    /// For a camera mounted on a base; the transform between them is published elsewhere.
     #[must_use]
     pub fn with_mount(mut self, mount: Mount) -> Self {
         self.mount = mount;
@@ -102,7 +99,7 @@ impl Publisher {
         self
     }
 
-    /// A map is put in the place of the one so far: `odom` goes on as it went, and the next submap is called the map.
+    /// Another map replaces the current one: `odom` continues, and the next submap is published as the map.
     pub fn begin_other_map(&mut self) {
         self.odom.begin_other_map();
         self.first = None;
@@ -111,7 +108,7 @@ impl Publisher {
         self.unshown = None;
     }
 
-    /// What is to be said of an event.
+    /// The messages for an event.
     pub fn publish(&mut self, event: &Event) -> Vec<Outgoing> {
         let mut out = Vec::new();
         let located = self.odom.take(event);
@@ -136,7 +133,7 @@ impl Publisher {
         out
     }
 
-    /// What is left to be said when the run is over: the map as it is in the end.
+    /// The final messages of a run: the map in its last state.
     pub fn finish(&mut self) -> Vec<Outgoing> {
         let mut out = Vec::new();
         self.map(&mut out);
@@ -160,7 +157,7 @@ impl Publisher {
         ]
     }
 
-    /// What moves in the newest frame: an image of the camera's size, 255 where the scene moves.
+    /// The moving regions of the newest frame: an image of the camera's size, 255 where the scene moves.
     #[must_use]
     pub fn mask(&self, width: u32, height: u32, pixels: &[u8]) -> Outgoing {
         let image = ros::Image {
@@ -175,27 +172,27 @@ impl Publisher {
         Outgoing::new(Topic::Mask, self.time(), &image)
     }
 
-    /// Points of a surface in the world of the first submap, m, with their colours.
+    /// Coloured points of a surface in the world of the first submap, m.
     #[must_use]
     pub fn surface(&self, points: &[([f32; 3], [u8; 3])]) -> Outgoing {
         let cloud = cloud::surface(points, &self.mount, self.header(&self.names.map));
         Outgoing::new(Topic::Surface, self.time(), &cloud)
     }
 
-    /// For who sees frames only, and publishes pictures, surfaces and plans: it is this time, s.
+    /// Sets the time, s, for callers that receive only frames and publish pictures, surfaces and plans.
     pub fn at(&mut self, stamp: f64) {
         self.span = Some((self.span.map_or(stamp, |(first, _)| first), stamp));
     }
 
-    /// From points of the world of the first submap to points of the frame that is called the map.
+    /// Transforms points of the world of the first submap to the map frame.
     #[must_use]
     pub fn map_from_world(&self) -> Se3 {
         let ros_from_world = Se3::new(axes::body_from_optical(), Vec3::zeros());
         self.mount.place(&ros_from_world)
     }
 
-    /// A floor plan of `width` columns, row by row, in percent and -1 where nothing is known. Its axes are those of the map, its first cell's outer corner is at
-    /// `origin` there, and cells have a side of `resolution`; m.
+    /// A floor plan of `width` columns, row by row, in percent and -1 for unknown. Its axes are those of the map, its first cell's outer
+    /// corner is at `origin` there, and cells have a side of `resolution`; m.
     #[must_use]
     pub fn grid(&self, width: u32, resolution: f64, origin: &Vec3, cells: Vec<i8>) -> Outgoing {
         let height = (cells.len() as u32).checked_div(width).unwrap_or(0);
@@ -298,7 +295,6 @@ impl Publisher {
         Outgoing::new(Topic::Odometry, self.time(), &message)
     }
 
-    /// Whether path and map are due.
     fn is_due(&self) -> bool {
         let Some((first, now)) = self.span else {
             return false;
@@ -307,7 +303,7 @@ impl Publisher {
         self.shown.is_none_or(|then| now - then >= every)
     }
 
-    /// Path and map of the submap that the camera is in.
+    /// Path and map of the camera's submap.
     fn map(&mut self, out: &mut Vec<Outgoing>) {
         let (Some(submap), Some((_, now))) = (self.here, self.span) else {
             return;
@@ -316,7 +312,7 @@ impl Publisher {
             return;
         };
         self.shown = Some(now);
-        // The submap may have become part of another.
+        // The submap may have been joined to another.
         let newest = view.keyframes().filter(|k| k.submap == submap).count();
         let submap = if newest > 0 {
             submap

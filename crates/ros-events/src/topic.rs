@@ -1,14 +1,14 @@
-//! Topics, and messages on their way out.
+//! Topics, and outgoing messages.
 
 use stillpoint_ros_messages as ros;
 use stillpoint_ros_messages::{Format, Message, Version, Wire};
 
-/// A topic on which a run is published.
+/// A topic of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Topic {
-    /// Transforms that do not change.
+    /// Constant transforms.
     TfStatic,
-    /// Transforms that do.
+    /// Changing transforms.
     Tf,
     /// Pose and velocity.
     Odometry,
@@ -18,15 +18,15 @@ pub enum Topic {
     Map,
     /// Objects.
     Objects,
-    /// Objects, to be drawn.
+    /// Markers of objects.
     Markers,
     /// The camera of the pictures.
     CameraInfo,
     /// Pictures.
     Image,
-    /// What moves, as an image.
+    /// An image of the moving regions.
     Mask,
-    /// Where a robot may drive.
+    /// The drivable floor.
     Grid,
     /// The surface, as points.
     Surface,
@@ -90,7 +90,7 @@ impl Topic {
         }
     }
 
-    /// Definition of that type in ROS 2, with those that it holds.
+    /// Definition of that type in ROS 2, with nested ones.
     #[must_use]
     pub fn definition(self) -> String {
         let version = Version::Ros2;
@@ -109,7 +109,7 @@ impl Topic {
         }
     }
 
-    /// Whether those who come later must get its last message too (durability *transient local*).
+    /// Whether late subscribers receive its last message too (durability *transient local*).
     #[must_use]
     pub fn is_latched(self) -> bool {
         matches!(
@@ -122,11 +122,11 @@ impl Topic {
 /// A message to be written or sent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outgoing {
-    /// Where to.
+    /// Destination.
     pub topic: Topic,
     /// Its stamp, ns.
     pub time: u64,
-    /// The message in little-endian CDR with its encapsulation header, as recordings have it, and as it is sent.
+    /// The message in little-endian CDR with its encapsulation header, as recorded and as sent.
     pub bytes: Vec<u8>,
 }
 

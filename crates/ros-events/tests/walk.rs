@@ -1,4 +1,4 @@
-//! A simulated walk past people: what its messages say is what its events said.
+//! A simulated walk past people: its messages agree with its events.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -136,7 +136,7 @@ fn the_chain_of_transforms_is_the_pose_of_every_frame() {
         let world_from_camera = axes::pose_to_optical(&map_from_body);
         let off = (world_from_camera.inverse() * expected).log().norm();
         assert!(off < 1e-12, "{off}");
-        // The same by the constant transform: the world's own axes are left.
+        // The same by the constant transform: the world's own axes remain.
         let map_from_optical = map_from_body * pose(&constant.transform);
         let undone = axes::body_from_optical().inverse() * map_from_optical.translation;
         assert!((undone - expected.translation).norm() < 1e-12);
@@ -175,7 +175,7 @@ fn odometry_is_the_second_transform_with_covariances_and_velocity() {
         }
         before = Some((now, position));
     }
-    // Variances of millimetres, and of millimetres per hundredth of a second: neither none nor unknown.
+    // Variances of millimetres, and of millimetres per hundredth of a second: neither zero nor unknown.
     let last = &odometry.last().unwrap().1;
     let (pose, twist) = (last.pose.covariance.0[0], last.twist.covariance.0[0]);
     assert!(pose > 1e-10 && pose < 1e-2, "{pose}");
@@ -224,7 +224,7 @@ fn people_are_where_they_walk() {
     for ((_, markers), (_, objects)) in markers.iter().zip(&arrays) {
         let cubes = markers.markers.iter().filter(|m| m.ns == "boxes");
         assert_eq!(cubes.count(), objects.detections.len());
-        // What was drawn before goes.
+        // Removes earlier markers.
         assert_eq!(markers.markers[0].action, 3);
     }
     let arrows = markers.iter().flat_map(|(_, m)| &m.markers);

@@ -1,4 +1,4 @@
-//! What ROS calls a type, and the text of its definition, which recordings carry beside the messages.
+//! ROS names of types, and the texts of their definitions, which recordings store beside the messages.
 
 use std::borrow::Cow;
 
@@ -13,7 +13,7 @@ pub enum Version {
     Ros2,
 }
 
-/// Name and fields of a message that another one holds.
+/// Name and fields of a nested message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Section {
     /// `std_msgs/Header`.
@@ -22,24 +22,24 @@ pub struct Section {
     pub fields: String,
 }
 
-/// A type as definitions name it.
+/// A type that definitions can name.
 pub trait Described {
     /// `float64`, `uint8[]`, `std_msgs/Header`.
     fn type_text(version: Version) -> String;
 
-    /// Adds the messages that one of this type holds, itself first, each once. Nothing for primitive types.
+    /// Adds the messages contained in one of this type, itself first, each once. Nothing for primitive types.
     fn sections(version: Version, to: &mut Vec<Section>);
 }
 
-/// A message that is sent by itself, on a topic or as half of a service.
+/// A top-level message, on a topic or as half of a service.
 pub trait Message: Described {
     /// `sensor_msgs/msg/Image`.
     const NAME: &'static str;
-    /// The sum by which ROS 1 tells definitions apart; empty for types that ROS 1 does not have, or that only stand within others.
+    /// MD5 sum of the definition in ROS 1; empty for types that ROS 1 does not have, or that only occur within others.
     const ROS1_MD5: &'static str;
 }
 
-/// The type's name as recordings have it: `sensor_msgs/msg/Image` in ROS 2, `sensor_msgs/Image` in ROS 1.
+/// The type's name in recordings: `sensor_msgs/msg/Image` in ROS 2, `sensor_msgs/Image` in ROS 1.
 #[must_use]
 pub fn type_name<T: Message>(version: Version) -> String {
     match version {
@@ -48,8 +48,8 @@ pub fn type_name<T: Message>(version: Version) -> String {
     }
 }
 
-/// The definition with those of all that it holds, as bags have it and as the schema `ros2msg` of MCAP. Constants are left out: no reader
-/// of a recording needs them, and the sums of ROS 1, which do, are [`Message::ROS1_MD5`].
+/// The definition with all nested ones, in the format of bags and of MCAP's schema `ros2msg`. Constants are omitted: no reader of a
+/// recording needs them, and the sums of ROS 1, which do, are [`Message::ROS1_MD5`].
 #[must_use]
 pub fn definition<T: Message>(version: Version) -> String {
     let mut sections = Vec::new();

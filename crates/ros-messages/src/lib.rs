@@ -1,11 +1,12 @@
-//! ROS messages as bytes and back.
+//! Serialisation of ROS messages.
 //!
-//! Answers: what a message of a recording says ([`from_bytes`]), and how one is written ([`to_bytes`]), in the CDR of ROS 2 (XCDR version 1, of both
-//! byte orders, with its encapsulation header) and in the serialisation of ROS 1. Large fields borrow from the bytes. Does not know files, topics or
-//! encodings of images, and reads no message definitions: each type has the fields of its definition, in their order, and provides the text of
-//! that definition ([`definition`]) for programs that write recordings.
+//! Reads ([`from_bytes`]) and writes ([`to_bytes`]) messages in the CDR of ROS 2 (XCDR version 1, of both byte orders, with its
+//! encapsulation header) and in the serialisation of ROS 1. Large fields borrow from the bytes. Does not know files, topics or encodings of
+//! images, and does not parse message definitions: each type has the fields of its definition, in order, and provides the text of that
+//! definition ([`definition`]) for programs that write recordings.
 //!
-//! Bytes are not trusted: every length is compared with what is left before anything is allocated, so what a message takes is in proportion to its bytes.
+//! Bytes are not trusted: every length is compared with the remaining bytes before any allocation, so memory use is proportional to the
+//! input.
 //!
 //! ```
 //! use stillpoint_ros_messages::{Format, Header, Image, Time, from_bytes, to_bytes};

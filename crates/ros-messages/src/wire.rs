@@ -4,10 +4,10 @@
 
 use std::borrow::Cow;
 
-/// How a message is serialised.
+/// Serialisation of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// CDR of ROS 2, little-endian. A reader takes the byte order from the encapsulation header, so this or the next is the same to it.
+    /// CDR of ROS 2, little-endian. A reader takes the byte order from the encapsulation header, and treats this and the next alike.
     CdrLittleEndian,
     /// CDR of ROS 2, big-endian.
     CdrBigEndian,
@@ -15,17 +15,17 @@ pub enum Format {
     Ros1,
 }
 
-/// Why bytes are not the message that they were taken for. Offsets are in bytes from the message's first.
+/// Error: bytes are not a message of the expected type. Offsets are in bytes from the message's first.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
-    /// A value reaches beyond the end.
+    /// A value extends beyond the end.
     #[error("expected {needed} bytes at byte {at}, found {left}")]
     Short {
-        /// Where the value begins.
+        /// Offset of the value.
         at: usize,
-        /// The bytes it needs.
+        /// Bytes needed.
         needed: usize,
-        /// The bytes there are.
+        /// Bytes left.
         left: usize,
     },
     /// Not the encapsulation of plain CDR.
@@ -34,26 +34,26 @@ pub enum WireError {
         /// The first two bytes.
         found: [u8; 2],
     },
-    /// A string of CDR ends with a zero byte.
+    /// A CDR string without its final zero byte.
     #[error("expected a zero byte at the end of the string at byte {at}")]
     Unterminated {
-        /// Where the string begins.
+        /// Offset of the string.
         at: usize,
     },
-    /// One of the above, and where in the message.
+    /// One of the above, with its place in the message.
     #[error("{message}, field {field}: {reason}")]
     InField {
         /// The message, by its name in ROS 2.
         message: &'static str,
-        /// The way to the field: `poses[3].header.stamp`.
+        /// Path to the field: `poses[3].header.stamp`.
         field: String,
-        /// What is wrong with it.
+        /// The error.
         reason: Box<WireError>,
     },
 }
 
 impl WireError {
-    /// What is wrong, without the place.
+    /// The error without the place.
     #[must_use]
     pub fn reason(&self) -> &Self {
         match self {
@@ -62,7 +62,7 @@ impl WireError {
         }
     }
 
-    /// The same error of a field of a message that holds the one it was found in.
+    /// The same error within a field of an enclosing message.
     #[cold]
     pub(crate) fn within(self, message: &'static str, field: &str) -> Self {
         let (inner, reason) = self.split();
@@ -80,7 +80,7 @@ impl WireError {
         }
     }
 
-    /// The same error of an element of a sequence.
+    /// The same error within an element of a sequence.
     #[cold]
     fn of_element(self, index: usize) -> Self {
         self.within("", &format!("[{index}]"))
@@ -94,7 +94,7 @@ impl WireError {
     }
 }
 
-/// Reads values one after the other.
+/// Reads values sequentially.
 #[derive(Debug)]
 pub struct Reader<'a> {
     bytes: &'a [u8],
@@ -127,7 +127,7 @@ impl<'a> Reader<'a> {
         Ok(reader)
     }
 
-    /// How the message is serialised, with the byte order that its header names.
+    /// The serialisation, with the byte order stated in the header.
     #[must_use]
     pub fn format(&self) -> Format {
         self.format
@@ -146,7 +146,7 @@ impl<'a> Reader<'a> {
         Ok(&self.bytes[at..at + needed])
     }
 
-    /// The bytes of a number, little end first. CDR aligns numbers to their size.
+    /// The bytes of a number, in little-endian order. CDR aligns numbers to their size.
     fn number<const N: usize>(&mut self) -> Result<[u8; N], WireError> {
         if self.format != Format::Ros1 {
             self.take(padding(self.at - ENCAPSULATION, N))?;
@@ -159,7 +159,7 @@ impl<'a> Reader<'a> {
         Ok(bytes)
     }
 
-    /// The number of elements of a sequence, each of which takes one byte at least.
+    /// The number of elements of a sequence, each of at least one byte.
     fn length(&mut self) -> Result<usize, WireError> {
         let needed = u32::from_le_bytes(self.number()?) as usize;
         let (at, left) = (self.at, self.left());
@@ -170,7 +170,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Writes values one after the other.
+/// Writes values sequentially.
 #[derive(Debug)]
 pub struct Writer {
     bytes: Vec<u8>,
@@ -178,7 +178,7 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// How the message is serialised.
+    /// The serialisation.
     #[must_use]
     pub fn format(&self) -> Format {
         self.format
@@ -195,7 +195,7 @@ impl Writer {
         self.bytes.extend_from_slice(&bytes);
     }
 
-    /// No message that is written here comes near to 2^32 elements; one that did would lose its end rather than be misread.
+    /// No message written here comes near 2^32 elements; a longer one would be truncated rather than misread.
     fn length(&mut self, length: usize) -> usize {
         let length = u32::try_from(length).unwrap_or(u32::MAX);
         self.number(length.to_le_bytes());
@@ -208,7 +208,7 @@ fn padding(at: usize, size: usize) -> usize {
     at.next_multiple_of(size) - at
 }
 
-/// What can be read and written.
+/// A type that can be read and written.
 pub trait Wire<'a>: Sized {
     /// Reads a value.
     ///
@@ -219,7 +219,7 @@ pub trait Wire<'a>: Sized {
     fn write(&self, to: &mut Writer);
 }
 
-/// A message of bytes. Bytes after its end are ignored: writers of CDR may pad.
+/// Reads a message. Trailing bytes are ignored: writers of CDR may pad.
 ///
 /// # Errors
 /// Bytes that are not of this type.
@@ -227,7 +227,7 @@ pub fn from_bytes<'a, T: Wire<'a>>(bytes: &'a [u8], format: Format) -> Result<T,
     T::read(&mut Reader::new(bytes, format)?)
 }
 
-/// The bytes of a message.
+/// Writes a message.
 #[must_use]
 pub fn to_bytes<'a, T: Wire<'a>>(message: &T, format: Format) -> Vec<u8> {
     let bytes = match format {
@@ -254,7 +254,7 @@ macro_rules! numbers {
 }
 numbers!(u8, i8, u16, i16, u32, i32, u64, i64, f32, f64);
 
-/// One byte; whatever is not zero is true.
+/// One byte; any non-zero value is true.
 impl Wire<'_> for bool {
     fn read(from: &mut Reader<'_>) -> Result<Self, WireError> {
         u8::read(from).map(|byte| byte != 0)
@@ -265,7 +265,7 @@ impl Wire<'_> for bool {
     }
 }
 
-/// Text that is not UTF-8 is read with replacement characters: a name that is spelt badly is no reason to lose an image.
+/// Text that is not UTF-8 is read with replacement characters: a misspelt name is no reason to lose an image.
 impl<'a> Wire<'a> for Cow<'a, str> {
     fn read(from: &mut Reader<'a>) -> Result<Self, WireError> {
         let length = from.length()?;
@@ -299,7 +299,7 @@ impl<'a> Wire<'a> for Cow<'a, [u8]> {
     }
 }
 
-/// Grows with what is read: a length alone reserves nothing.
+/// Grows as elements are read: a length alone reserves nothing.
 impl<'a, T: Wire<'a>> Wire<'a> for Vec<T> {
     fn read(from: &mut Reader<'a>) -> Result<Self, WireError> {
         let length = from.length()?;

@@ -1,4 +1,4 @@
-//! Bytes that another implementation wrote: `tools/recordings/ros_messages.py`, with PyPI `rosbags` (0.11).
+//! Bytes written by another implementation: `tools/recordings/ros_messages.py`, with PyPI `rosbags` (0.11).
 
 use std::fmt::Debug;
 
@@ -20,7 +20,7 @@ const P: Point = Point {
     z: 0.3,
 };
 
-/// Reads what was written elsewhere, and writes the same bytes.
+/// Reads the other implementation's bytes, and writes the same bytes.
 fn check<T: PartialEq + Debug>(
     name: &str,
     expected: impl Fn(u32) -> T,
@@ -167,7 +167,8 @@ golden!(string, "String", StringMessage, |_| StringMessage {
     data: "k=v;".into()
 });
 
-/// Reads and writes again what `tools/recordings/ros_messages.py` filled with numbers and letters of its own, and compares the definitions.
+/// Reads and rewrites the messages that `tools/recordings/ros_messages.py` filled with generated numbers and letters, and compares the
+/// definitions.
 macro_rules! repeated {
     ($($type:ident),* $(,)?) => {
         #[test]
@@ -182,7 +183,6 @@ macro_rules! repeated {
     };
 }
 
-/// How many lines are of the type.
 fn repeated<T: Message>(again: impl Fn(&[u8], Format) -> Vec<u8>) -> usize {
     let mut seen = 0;
     for line in include_str!("golden/filled.txt").lines() {
@@ -209,7 +209,7 @@ fn repeated<T: Message>(again: impl Fn(&[u8], Format) -> Vec<u8>) -> usize {
     seen
 }
 
-/// Name, sum and definition, without constants, as the other implementation has them.
+/// Name, sum and definition, without constants, of the other implementation.
 fn described(name: &str, version: Version) -> (String, String, String) {
     let all = include_str!("golden/definitions.txt");
     let ros = if version == Version::Ros1 {

@@ -1,4 +1,4 @@
-//! Round trips, and bytes that nobody should have written.
+//! Round trips, and invalid bytes.
 
 use std::borrow::Cow;
 
@@ -53,7 +53,7 @@ fn tree(names: &[String]) -> TfMessage<'_> {
 }
 
 proptest! {
-    /// Names of every length, so that everything after them begins at every offset.
+    /// Names of every length, so that later fields begin at every offset.
     #[test]
     fn what_is_written_is_read(
         name in "\\PC{0,12}",
@@ -74,7 +74,7 @@ proptest! {
         }
     }
 
-    /// A changed byte or a cut gives another message or an error, and never more elements than there are bytes.
+    /// A changed or truncated message gives another message or an error, and never more elements than bytes.
     #[test]
     fn changed_bytes_do_not_panic(at in any::<prop::sample::Index>(), to in any::<u8>(), cut in any::<prop::sample::Index>()) {
         for format in FORMATS {

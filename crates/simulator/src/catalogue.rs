@@ -1,4 +1,4 @@
-//! The scenes by their names.
+//! The scenes by name.
 
 use crate::disparity::DepthModel;
 use crate::path::Path;
@@ -42,16 +42,16 @@ const NAMES: [&str; 33] = [
     "blocked_walk",
 ];
 
-/// Factors on the pace of `rpy` with which it turns by up to 60, 100 and 150 deg/s.
+/// Speed factors relative to `rpy` at which it turns by up to 60, 100 and 150 deg/s.
 const PACES: [f64; 3] = [1.0, 1.7, 2.5];
 
-/// The names of the scenes: what [`SimulatorConfig::scene`] may be.
+/// Names of the scenes: the values of [`SimulatorConfig::scene`].
 #[must_use]
 pub fn scene_names() -> &'static [&'static str] {
     &NAMES
 }
 
-/// When the camera on the half sphere passes before the desk, where the crowd is, s.
+/// Time at which the camera on the half sphere passes before the desk, where the crowd is, s.
 pub(crate) const CROWD_AHEAD: f64 = 0.95;
 
 /// The scene and the path of a name.
@@ -115,7 +115,7 @@ pub(crate) fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
     })
 }
 
-/// The shutter and the depth model of a scene's own camera. Those that are there to be hard have a camera as it is.
+/// The shutter and the depth model of a scene's own camera. The hard scenes have those of a real camera.
 pub(crate) fn camera(name: &str) -> (Shutter, DepthModel) {
     let fast = ["_60", "_100", "_150"].iter().any(|s| name.ends_with(s));
     if fast || name.starts_with("crowd_") {
@@ -131,7 +131,7 @@ fn equal_rooms(seed: u64, walk: usize) -> (Scene, Path) {
     (Scene::equal_rooms(seed), path.for_length(length))
 }
 
-/// The scene whose name needs the fewest edits (Levenshtein) to become `name`.
+/// The scene name with the smallest edit distance to `name`.
 pub(crate) fn nearest_name(name: &str) -> &'static str {
     let distance = |other: &str| {
         let b: Vec<char> = other.chars().collect();

@@ -1,22 +1,21 @@
-//! Depth as a structured-light camera errs: in disparity, to the side, and alike in neighbouring pixels.
+//! Depth errors of a structured-light camera: in disparity, displaced sideways, and correlated between neighbours.
 //!
-//! Answers: a depth image whose errors have another shape than those that `sensor` draws pixel by pixel from a curve. A matching window
-//! finds one disparity for a patch of pixels, so that neighbours share errors; borders shift to the side by a pixel (Nguyen,
-//! Izadi and Lovell, 3DIMPVT 2012, equation 1), so that depth there is that of the other surface; disparities are noisy and quantised
-//! (Khoshelham and Elberink, Sensors 2012: 4 cm at 5 m); the lens leaves a fixed pattern (Herrera, Kannala and Heikkila, PAMI 2012); and faces
-//! that are seen aslant send nothing back.
+//! Unlike `sensor`, which draws independent errors per pixel, this models a matching window that finds one disparity per patch of pixels,
+//! so that neighbours share errors; borders are displaced sideways by a pixel (Nguyen, Izadi and Lovell, 3DIMPVT 2012, equation 1), so that
+//! depth there is that of the other surface; disparities are noisy and quantised (Khoshelham and Elberink, Sensors 2012: 4 cm at 5 m); the
+//! lens leaves a fixed pattern (Herrera, Kannala and Heikkila, PAMI 2012); and surfaces at grazing angles give no depth.
 
 use crate::pixels::Pixels;
 use crate::random::{self, Purpose};
 use crate::sensor::{BASELINE, BORDER, DISPARITY_STEP, Patches, RANGE, SIGNAL, Sensor, find_lit};
 
-/// How depth images err.
+/// Error model of depth images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DepthModel {
-    /// Independent noise of `0.0012 + 0.0019 (z - 0.4)^2` m in each pixel, disparity steps, holes about edges.
+    /// Independent noise of `0.0012 + 0.0019 (z - 0.4)^2` m per pixel, disparity steps, holes about edges.
     #[default]
     Independent,
-    /// Errors of disparity that neighbours share, borders that are off to the side, a fixed pattern, holes where faces are seen aslant.
+    /// Correlated disparity errors, sideways displaced borders, a fixed pattern, holes at grazing angles.
     StructuredLight,
 }
 
@@ -28,17 +27,16 @@ const SHARED: f32 = 0.05;
 const PATTERN: f32 = 0.04;
 /// Side of a cell of the fixed pattern of disparities, in cells of [`Patches`].
 const PATTERN_CELL: usize = 12;
-/// Faces are not measured if the angle between their normal and the line of sight exceeds this, rad (78 degrees).
+/// Maximum angle between a surface's normal and the line of sight, rad (78 degrees); beyond it there is no depth.
 const ASLANT: f32 = 1.36;
-/// The largest angle at which faces are measured differs by about this from patch to patch, rad.
+/// Variation of that angle between patches, rad.
 const ASLANT_SPREAD: f32 = 0.07;
 
-/// The patches of luck of one image.
 struct Luck {
     holes: Patches,
     sideways: [Patches; 2],
     matching: Patches,
-    /// The same in all images.
+    /// Equal in all images.
     pattern: Patches,
 }
 
@@ -88,27 +86,27 @@ impl Sensor {
         depth
     }
 
-    /// The pixel whose disparity is found at a pixel, off to the side as the angle to the face makes it.
+    /// The source pixel of a pixel's disparity, displaced sideways depending on the surface angle.
     fn source(&self, view: &Pixels, luck: &Luck, [x, y]: [usize; 2]) -> Option<usize> {
         let i = y * view.width + x;
         let angle = self.angle(view, i)?.min(1.4);
         let sigma = 0.8 + 0.035 * angle / (std::f32::consts::FRAC_PI_2 - angle);
         let off = |k: usize| sigma * PATCH * luck.sideways[k].at(x, y);
         let moved = |p: usize, by: f32, size: usize| {
-            // Positions are positive, so that cutting off rounds to the nearest.
+            // Positions are positive, so that truncation rounds to the nearest.
             ((p as i32 as f32 + by + 0.5).max(0.0) as usize).min(size - 1)
         };
         Some(moved(y, off(1), view.height) * view.width + moved(x, off(0), view.width))
     }
 
-    /// Angle between a face's normal and the line of sight, rad.
+    /// Angle between the surface normal and the line of sight, rad.
     fn angle(&self, view: &Pixels, pixel: usize) -> Option<f32> {
         let z = 1.0 / view.inverse_depth[pixel];
         let cosine = view.face(pixel)?.cosine(z, self.ray[pixel]);
         Some(libm::acosf(cosine.clamp(0.0, 1.0)))
     }
 
-    /// Whether enough of the pattern comes back.
+    /// Whether enough of the pattern is reflected.
     fn answers(&self, view: &Pixels, pixel: usize, luck: f32) -> bool {
         let (Some(angle), Some(face)) = (self.angle(view, pixel), view.face(pixel)) else {
             return false;
@@ -119,10 +117,11 @@ impl Sensor {
     }
 }
 
-/// What makes the mean variance of interpolated patches one: 1.7 times uniform numbers, of which bilinear interpolation leaves 4/9.
+/// Scale that makes the mean variance of interpolated patches one: they are 1.7 times uniform numbers, of whose variance bilinear
+/// interpolation leaves 4/9.
 const PATCH: f32 = 1.53;
 
-/// The depth of a disparity that is off by `error` px, m; 0 out of range.
+/// The depth of a disparity with an error of `error` px, m; 0 out of range.
 fn quantised(inverse: f32, focal: f32, error: f32) -> f32 {
     let z = 1.0 / inverse;
     if !(RANGE[0]..=RANGE[1]).contains(&z) {

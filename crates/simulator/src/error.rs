@@ -1,28 +1,28 @@
-//! What a configuration can ask for that does not exist.
+//! Errors of the configuration.
 
 use crate::catalogue::scene_names;
 use crate::shutter::Shutter;
 use stillpoint_geometry::Camera;
 
-/// The configuration asks for something that does not exist.
+/// An invalid configuration.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SimulatorError {
     /// No scene has this name.
     UnknownScene {
-        /// The name asked for.
+        /// The given name.
         found: String,
         /// The scene with the most similar name.
         nearest: &'static str,
     },
-    /// The delay of depth images is not a number from 0 to the time between two frames, s.
+    /// The delay of depth images is not between 0 and the time between two frames, s.
     DepthDelay(f64),
-    /// A time of the shutter is not a number from 0 to the time between two frames; they are given back.
+    /// A time of the shutter is not between 0 and the time between two frames.
     Shutter(Shutter),
-    /// The rate is not a number from 1 to 1000, 1/s.
+    /// The rate is not between 1 and 1000, 1/s.
     Rate(f64),
-    /// The scale is not a number from 0.01 to 100.
+    /// The scale is not between 0.01 and 100.
     Scale(f64),
-    /// The camera's size or focal length cannot be rendered; it is given back.
+    /// The camera's size or focal length cannot be rendered.
     Camera(Box<Camera>),
 }
 

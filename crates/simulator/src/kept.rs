@@ -1,8 +1,8 @@
-//! Images that have been rendered, kept in files for the next that asks: many processes of the tests look at the same scenes, and to render an image takes
-//! longer than to read it.
+//! Cache of rendered images in files: many test processes use the same scenes, and rendering takes longer than reading.
 //!
-//! Only with the feature `kept`, and where `STILLPOINT_SCENES` names a folder, which must serve one version of the simulator alone: `.ci/run` names it by a
-//! hash of the sources. Each image is a file of its bytes; the folder's file `rendered` has a line for each that was rendered. What cannot be kept is rendered.
+//! Requires the feature `kept`, and a folder in `STILLPOINT_SCENES`, which must be used by one version of the simulator only: `.ci/run`
+//! names it by a hash of the sources. Each image is a file of its bytes; the file `rendered` has a line per rendered image. If caching
+//! fails, the image is rendered.
 
 use crate::simulator::SimulatorConfig;
 use std::fs::{self, OpenOptions};
@@ -10,16 +10,15 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Names the folder.
 const VARIABLE: &str = "STILLPOINT_SCENES";
 
-/// Where the images of one configuration are kept, if they are.
+/// Location of the cached images of one configuration, if enabled.
 pub(crate) struct Kept(Option<Place>);
 
 struct Place {
     root: PathBuf,
     folder: PathBuf,
-    /// What is rendered, as it stands in the list of what was rendered.
+    /// Description of the scene in the file `rendered`.
     scene: String,
 }
 
@@ -29,7 +28,7 @@ impl Kept {
         Self(root.map(|root| Place::of(Path::new(&root), config)))
     }
 
-    /// The bytes of an image, rendered where they are not kept yet. Who asks while another renders waits for it.
+    /// The bytes of an image, rendered if not cached. Waits while another process renders it.
     pub(crate) fn bytes(&self, kind: &str, index: usize, render: impl Fn() -> Vec<u8>) -> Vec<u8> {
         let Some(place) = &self.0 else {
             return render();
@@ -39,7 +38,7 @@ impl Kept {
             .unwrap_or_else(|_| render())
     }
 
-    /// The same of numbers.
+    /// Like [`Self::bytes`], for floats.
     pub(crate) fn floats(
         &self,
         kind: &str,
@@ -58,7 +57,7 @@ impl Kept {
 
 impl Place {
     fn of(root: &Path, config: &SimulatorConfig) -> Self {
-        // How many frames a recording has changes none of them.
+        // The number of frames does not affect their contents.
         let all = SimulatorConfig {
             frames: None,
             ..config.clone()
@@ -73,7 +72,7 @@ impl Place {
         }
     }
 
-    /// Fails where the folder cannot be used.
+    /// Fails if the folder cannot be used.
     fn bytes(
         &self,
         kind: &str,
@@ -85,7 +84,7 @@ impl Place {
             return Ok(bytes);
         }
         fs::create_dir_all(&self.folder)?;
-        // Renamed when it is whole. Until then its lock, which ends with the process that holds it, says that the image is being made.
+        // Renamed when complete. Until then its lock, which ends with its process, shows that the image is in progress.
         let part = path.with_extension(format!("{kind}.part"));
         let mut options = OpenOptions::new();
         let mut file = options
@@ -105,7 +104,7 @@ impl Place {
         Ok(bytes)
     }
 
-    /// One line in one write, since many processes append.
+    /// Writes the line at once, since many processes append.
     fn note(&self, kind: &str, index: usize) -> std::io::Result<()> {
         let line = format!("{kind} {index} of {}\n", self.scene);
         let mut options = OpenOptions::new();

@@ -1,16 +1,16 @@
-//! Lens distortion: which point of an ideal pinhole image each pixel of the recorded image shows.
+//! Lens distortion: maps pixels of the recorded image to the rendered pinhole image.
 
 use stillpoint_geometry::{Camera, Vec2};
 
-/// A recording camera and the pinhole view that covers all it sees.
+/// A recording camera, and a pinhole camera whose view covers it.
 pub(crate) struct Lens {
-    /// The pinhole camera that is rendered: the recording camera itself when it does not distort.
+    /// The rendered pinhole camera: the recording camera itself without distortion.
     pub(crate) rendered: Camera,
     /// Width of the recorded image, px.
     pub(crate) width: usize,
     /// Height of the recorded image, px.
     pub(crate) height: usize,
-    /// For each recorded pixel its place in the rendered image; empty without distortion.
+    /// For each recorded pixel its position in the rendered image; empty without distortion.
     places: Vec<[f64; 2]>,
 }
 
@@ -44,12 +44,12 @@ impl Lens {
         lens
     }
 
-    /// True when recorded and rendered pixels are the same.
+    /// True if recorded and rendered pixels are the same.
     pub(crate) fn is_ideal(&self) -> bool {
         self.places.is_empty()
     }
 
-    /// Place of the recorded pixel (x, y) in the rendered image, px.
+    /// Position of the recorded pixel (x, y) in the rendered image, px.
     pub(crate) fn place(&self, x: usize, y: usize) -> [f64; 2] {
         match self.places.get(y * self.width + x) {
             Some(place) => *place,
@@ -57,7 +57,7 @@ impl Lens {
         }
     }
 
-    /// The rows of the rendered image that the recorded row `y` looks at.
+    /// The rows of the rendered image needed for the recorded row `y`.
     pub(crate) fn rendered_rows(&self, y: usize) -> std::ops::Range<usize> {
         if self.is_ideal() {
             return y..y + 1;
@@ -67,7 +67,7 @@ impl Lens {
             (a.min(*v), b.max(*v))
         });
         let last = self.rendered.height as usize;
-        // Samples about a place reach half a pixel beyond it.
+        // Samples extend half a pixel around a position.
         ((top - 1.0).max(0.0) as usize).min(last)..((bottom + 2.0) as usize).min(last)
     }
 }

@@ -1,12 +1,11 @@
-//! Deterministic rooms with a Kinect-like camera and exact ground truth.
+//! Deterministic simulation of rooms with a Kinect-like camera and exact ground truth.
 //!
-//! Answers: what an RGB-D camera would have recorded on a known path through a known room, for any seed, bit for bit the
-//! same on every machine. Frames are pure functions of configuration and index. Knows no SLAM; writes no files.
+//! Frames are pure functions of configuration, seed and index, bit-identical on every machine. It is independent of SLAM and writes no
+//! files.
 //!
-//! Scenes are convex textured faces (`scene`, `texture`), rasterised with a depth buffer (`raster`, `shade`) from exact poses
-//! (`path`) at the stamps of the colour image and of the depth image, row by row where the shutter rolls (`shutter`), and then spoiled as a
-//! real camera does (`sensor`, `disparity`).
-//! People move through some scenes (`people`); what they cover is known exactly (`truth`).
+//! Scenes are convex textured faces (`scene`, `texture`), rasterised with a depth buffer (`raster`, `shade`) from exact poses (`path`) at
+//! the stamps of the colour and the depth image, row by row with a rolling shutter (`shutter`), and then degraded as by a real camera
+//! (`sensor`, `disparity`). People move through some scenes (`people`); the pixels that they cover are known exactly (`truth`).
 
 mod catalogue;
 mod disparity;

@@ -1,35 +1,33 @@
-//! What rows of an image may show about a moment.
-//!
-//! Answers: which faces, those of people where they are then, may be seen in some rows by a camera that is about there. Which pixels see them is the business of `raster`.
+//! Finds the faces, including those of people, that rows of an image may show around a moment. `raster` determines which pixels see them.
 
 use crate::people::Asked;
 use crate::scene::{Face, Scene};
 use std::ops::Range;
 use stillpoint_geometry::{Camera, Se3, Vec3};
 
-/// Rows that a face may move by from such a moment to one about it, px.
+/// Margin for the motion of a face around such a moment, rows.
 const MARGIN: f64 = 3.0;
-/// A face is not in sight about a moment whose plane is so far on the wrong side of the camera, m.
+/// Signed distance from a face's plane below which the camera cannot see its front around a moment, m.
 const TURNED_AWAY: f64 = -0.05;
 
-/// The faces that some rows may show about a moment, with the rows of the rendered image that each may touch.
+/// The faces that some rows may show around a moment, with the range of rendered rows that each may touch.
 pub(crate) struct Moment {
-    /// Of what stands still, by number.
+    /// Static faces, by index.
     fixed: Vec<(usize, [f64; 2])>,
     moving: Vec<(Face, [f64; 2])>,
 }
 
-/// A face, and the first and the last row of the rendered image that it may touch.
+/// A face, with the first and the last rendered row that it may touch.
 pub(crate) type Touched<'a> = (&'a Face, [f64; 2]);
 
-/// Whether a face that touches rows at a moment may touch some about it.
+/// Whether a face with this row range may touch some rows around the moment.
 pub(crate) fn touch([first, last]: &[f64; 2], rows: &Range<usize>) -> bool {
     let (top, bottom) = (rows.start as f64, rows.end as f64);
     *first <= bottom + MARGIN && *last >= top - MARGIN
 }
 
 impl Moment {
-    /// What `rows` may show at a time (s) or about it to a camera at a pose.
+    /// The faces that `rows` may show around a time (s) to a camera at a pose.
     pub(crate) fn new(
         scene: &Scene,
         camera: &Camera,
@@ -50,7 +48,7 @@ impl Moment {
         }
     }
 
-    /// Those that fewer rows may show; what stands still comes first.
+    /// The faces that a subset of the rows may show; static ones come first.
     pub(crate) fn touched<'a>(&'a self, scene: &'a Scene, rows: &Range<usize>) -> Vec<Touched<'a>> {
         let fixed = self
             .fixed
@@ -64,13 +62,13 @@ impl Moment {
     }
 }
 
-/// Asks for the faces that some rows may show about a moment.
+/// Filters the faces that some rows may show around a moment.
 pub(crate) struct InSight<'a> {
     camera: &'a Camera,
     camera_from_world: Se3,
     eye: Vec3,
     rows: &'a Range<usize>,
-    /// The rows that each of those asked for may touch.
+    /// Row ranges of the accepted faces.
     found: Vec<[f64; 2]>,
 }
 
@@ -85,13 +83,13 @@ impl<'a> InSight<'a> {
         }
     }
 
-    /// The faces of what moves, where it is at a time (s), and the rows that each may touch.
+    /// The faces of movers at a time (s), with their row ranges.
     pub(crate) fn moving(mut self, scene: &Scene, time: f64) -> (Vec<Face>, Vec<[f64; 2]>) {
         let faces = scene.moving(time, &mut self);
         (faces, self.found)
     }
 
-    /// The first and the last row of the rendered image that a face touches: none where it is turned away from the camera.
+    /// The first and the last rendered row that a face touches; an empty range if it is a back face.
     fn rows_of(&self, corners: &[Vec3], normal: &Vec3) -> [f64; 2] {
         let turned_away = normal.dot(&(self.eye - corners[0])) < TURNED_AWAY;
         if turned_away {
@@ -101,7 +99,7 @@ impl<'a> InSight<'a> {
         }
     }
 
-    /// The same of all that lies between some points.
+    /// The row range of everything between some points.
     fn extent(&self, points: &[Vec3]) -> [f64; 2] {
         let mut rows = NO_ROWS;
         let (mut near, mut behind) = (false, true);
@@ -114,7 +112,7 @@ impl<'a> InSight<'a> {
         }
         match (near, behind) {
             (false, _) => rows,
-            // What passes the camera moves by more than the margin, or is not there at all.
+            // A face that passes the camera moves by more than the margin, or is invisible.
             (true, true) => NO_ROWS,
             (true, false) => [f64::MIN, f64::MAX],
         }
@@ -126,7 +124,7 @@ const NO_ROWS: [f64; 2] = [f64::MAX, f64::MIN];
 impl Asked for InSight<'_> {
     fn about(&self, corners: &[Vec3; 8]) -> bool {
         let [first, last] = self.extent(corners);
-        // A pixel more than its faces have, for rounding.
+        // One pixel more than its faces, for rounding.
         touch(&[first - 1.0, last + 1.0], self.rows)
     }
 

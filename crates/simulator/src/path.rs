@@ -1,6 +1,6 @@
 //! Camera paths: exact poses at any time, smooth to the second derivative.
 //!
-//! Answers: where the camera is at a stamp. World axes: z up, m; camera axes: x right, y down, z forward.
+//! World axes: z up, m; camera axes: x right, y down, z forward.
 
 mod walk;
 
@@ -10,29 +10,27 @@ use stillpoint_geometry::nalgebra::Matrix3;
 use stillpoint_geometry::{Se3, Vec3, so3};
 use walk::Walk;
 
-/// How a camera moves.
 pub(crate) struct Path {
     kind: Kind,
-    /// Slow and fast shaking of the hand that holds the camera.
+    /// Slow and fast tremor of the hand that holds the camera.
     tremor: Tremor,
-    /// How much farther from the desk the camera is, m.
+    /// Additional distance from the desk, m.
     back: f64,
-    /// How much of the motion is over at the start, s.
+    /// Offset of the motion's start, s.
     ahead: f64,
-    /// Whether what carries the camera jolts.
     jolts: bool,
 }
 
 enum Kind {
-    /// Translations along the axes, nearly without rotation, or with looks down and up again.
+    /// Translations along the axes, nearly without rotation, or with nodding.
     Xyz { nods: bool },
-    /// Rotations about the axes, nearly without translation, faster than the slowest ones by a factor.
+    /// Rotations about the axes, nearly without translation, at a multiple of the slowest speed.
     Rpy { pace: f64 },
-    /// On half a sphere about the desk, looking at it; the camera's elevation is divided by `flat`.
+    /// On half a sphere about the desk, looking at it; the elevation is divided by `flat`.
     Halfsphere { flat: f64 },
-    /// Held still.
+    /// Hand-held, static.
     Static,
-    /// Held at one place, turned by 60 degrees to the left.
+    /// At one place, turning left by 60 degrees.
     Blocked { walks: bool },
     /// A walk along a closed curve.
     Loop(Walk),
@@ -41,7 +39,7 @@ enum Kind {
     Steady(Se3, stillpoint_geometry::Vec6),
 }
 
-/// Height and place of what the small scenes look at, m.
+/// Centre of the view in the small scenes, m.
 const DESK_CENTRE: [f64; 3] = [0.0, -0.05, 0.8];
 
 /// From 0 at 0 to 1 at 1, smooth to the second derivative.
@@ -50,19 +48,19 @@ fn smooth(share: f64) -> f64 {
     share * share * share * (share * (6.0 * share - 15.0) + 10.0)
 }
 
-/// Where the camera is whose view is blocked, m: it stands, or walks aside by 0.8 m within three seconds.
+/// Position of the camera with blocked view, m: it stands, or walks aside by 0.8 m within three seconds.
 pub(crate) fn blocked_eye(t: f64, walks: bool) -> [f64; 2] {
     let aside = if walks { 0.8 } else { 0.0 };
     [(smooth((t - 3.0) / 3.0) - 0.5) * aside, -2.0]
 }
 
-/// By how much that camera is turned to the left of the desk, rad: one that stands by 60 degrees within three seconds.
+/// Rotation of that camera to the left of the desk, rad: if it stands, 60 degrees within three seconds.
 pub(crate) fn blocked_turn(t: f64, walks: bool) -> f64 {
     let turn = if walks { 0.0_f64 } else { 60.0 };
     (smooth((t - 3.0) / 3.0) - 0.5) * turn.to_radians()
 }
 
-/// The moment at which a nodding camera turns fastest, s: just after the first second, in which trackers cannot know who moves.
+/// Time at which a nodding camera turns fastest, s: just after the first second, in which trackers cannot know which regions move.
 const NOD: f64 = 1.2;
 /// Duration of the turn, s, and its angle, rad: at most 160 deg/s, about as fast as fr1_rpy turns.
 const NOD_TIME: f64 = 0.4;
@@ -78,7 +76,6 @@ fn wave(t: f64, hertz: f64, phase: f64) -> f64 {
 }
 
 impl Path {
-    /// The path of a kind of motion.
     fn of(kind: Kind, tremor: Tremor) -> Self {
         Self {
             kind,
@@ -93,7 +90,7 @@ impl Path {
         Self::of(Kind::Xyz { nods: false }, Tremor::new(seed, 3.0))
     }
 
-    /// The motion of [`Self::xyz`] with a camera that nods.
+    /// The motion of [`Self::xyz`] with nodding.
     pub(crate) fn nodding(seed: u64) -> Self {
         Self {
             kind: Kind::Xyz { nods: true },
@@ -105,7 +102,7 @@ impl Path {
         Self::rpy_at(seed, 1.0)
     }
 
-    /// The rotations of [`Self::rpy`] over the same angles, faster by a factor.
+    /// The rotations of [`Self::rpy`] at a multiple of their speed.
     pub(crate) fn rpy_at(seed: u64, pace: f64) -> Self {
         Self::of(Kind::Rpy { pace }, Tremor::new(seed, 2.0))
     }
@@ -123,7 +120,7 @@ impl Path {
         Self::of(Kind::Static, Tremor::new(seed, 0.6))
     }
 
-    /// A turn, or a walk, of a camera whose view is blocked meanwhile.
+    /// A rotation, or a walk, with a view that is blocked meanwhile.
     pub(crate) fn blocked(seed: u64, walks: bool) -> Self {
         Self::of(Kind::Blocked { walks }, Tremor::new(seed, 1.5))
     }
@@ -134,12 +131,12 @@ impl Path {
         Self::of(Kind::Steady(start, twist), Tremor::new(0, 0.0))
     }
 
-    /// A walk along a closed polygon of (x, y) corners, which the path rounds.
+    /// A walk along a closed polygon of (x, y) corners, which are rounded.
     pub(crate) fn walk(seed: u64, corners: &[[f64; 2]]) -> Self {
         Self::of(Kind::Loop(Walk::new(corners)), Tremor::new(seed, 1.5))
     }
 
-    /// The same walk in haste: fast walking, and looking to both sides all the time.
+    /// A fast walk with constant looks to both sides.
     pub(crate) fn in_haste(mut self) -> Self {
         if let Kind::Loop(walk) = &mut self.kind {
             walk.hurry();
@@ -147,7 +144,7 @@ impl Path {
         self
     }
 
-    /// The same walk, ended after this length of its polygon (m); other motions have no length and stay as they are.
+    /// Ends a walk after this length of its polygon (m); other motions stay unchanged.
     pub(crate) fn for_length(mut self, length: f64) -> Self {
         if let Kind::Loop(walk) = &mut self.kind {
             walk.length = length;
@@ -155,17 +152,17 @@ impl Path {
         self
     }
 
-    /// The same motion by `back` m farther from the desk, so that people can pass before it.
+    /// Moves the camera `back` m away from the desk, so that people can pass in front of it.
     pub(crate) fn farther(self, back: f64) -> Self {
         Self { back, ..self }
     }
 
-    /// The same motion from a later moment on, s.
+    /// Starts the motion at a later moment, s.
     pub(crate) fn starting_at(self, ahead: f64) -> Self {
         Self { ahead, ..self }
     }
 
-    /// The same motion on a carrier that jolts: up to 7 m/s^2 upwards and sideways, as on legs or on a rough floor.
+    /// Adds jolts of up to 7 m/s^2 upwards and sideways, as on legs or on a rough floor.
     pub(crate) fn jolting(self) -> Self {
         Self {
             jolts: true,
@@ -173,7 +170,6 @@ impl Path {
         }
     }
 
-    /// How long the path is by default, s.
     pub(crate) fn duration(&self) -> f64 {
         match &self.kind {
             Kind::Loop(walk) => walk.duration(),
@@ -204,7 +200,7 @@ impl Path {
             Kind::Rpy { pace } => {
                 let t = t * pace;
                 let at = centre + Vec3::new(0.0, -1.1 - self.back, 0.5);
-                // The three axes take turns, with soft changes.
+                // The three axes alternate, with smooth changes.
                 let share = |k: f64| 0.5 + 0.5 * wave(t, 0.1, 2.1 * k);
                 let turn = Vec3::new(
                     0.22 * share(0.0) * wave(t, 0.37, 0.5),
@@ -216,7 +212,7 @@ impl Path {
             Kind::Halfsphere { flat } => {
                 let radius = 1.0 + self.back + 0.12 * wave(t, 0.11, 0.0);
                 let azimuth = 0.9 * wave(t, 0.1, -0.6);
-                // A wider sphere is flatter, as the ceiling wants it.
+                // A larger sphere is flatter, to stay below the ceiling.
                 let elevation =
                     (0.7 + 0.33 * wave(t, 0.17, 0.8)) / ((1.0 + 0.55 * self.back) * flat);
                 let ground = radius * libm::cos(elevation);
@@ -231,7 +227,7 @@ impl Path {
             Kind::Blocked { walks } => {
                 let [x, y] = blocked_eye(t, *walks);
                 let eye = Vec3::new(x, y, 1.35);
-                // Before, it looks to both sides a little, as every hand does.
+                // Before, it glances to both sides, as hand-held cameras do.
                 let glance = 0.14 * wave(t, 0.5, 0.0) * (1.0 - smooth(t - 1.5));
                 let angle = FRAC_PI_2 + blocked_turn(t, *walks) + glance;
                 let ahead = Vec3::new(libm::cos(angle), libm::sin(angle), -0.3);

@@ -1,7 +1,4 @@
-//! What each pixel of a recorded image sees, with one line of sight per pixel.
-//!
-//! Answers: face and inverse depth of a recorded pixel, through the lens, whether all rows were seen at once or one after
-//! the other. Knows no colours and no noise.
+//! Face and inverse depth of each recorded pixel, through the lens, with a global or rolling shutter; one sample per pixel.
 
 use crate::lens::Lens;
 use crate::raster::{NOTHING, View};
@@ -12,9 +9,9 @@ use std::ops::Range;
 pub(crate) struct Pixels {
     pub(crate) width: usize,
     pub(crate) height: usize,
-    /// 1 / z, 1/m; 0 where nothing is seen.
+    /// 1 / z, 1/m; 0 for no face.
     pub(crate) inverse_depth: Vec<f32>,
-    /// Number of the face in `faces`, or beyond them for nothing.
+    /// Index in `faces`, or beyond them for no face.
     face: Vec<u32>,
     faces: Vec<Visible>,
 }
@@ -31,7 +28,6 @@ impl Pixels {
         }
     }
 
-    /// Makes all depths `factor` times as deep.
     pub(crate) fn scale(&mut self, factor: f64) {
         if factor == 1.0 {
             return;
@@ -43,13 +39,12 @@ impl Pixels {
         }
     }
 
-    /// The face that a pixel sees.
     #[inline]
     pub(crate) fn face(&self, pixel: usize) -> Option<&Visible> {
         self.faces.get(self.face[pixel] as usize)
     }
 
-    /// Adds the next rows of the recorded image, which a view with one sample per pixel shows; the view's faces are still to be added.
+    /// Adds the next rows of the recorded image from a view with one sample per pixel; its faces must be added afterwards.
     pub(crate) fn push(&mut self, view: &View, lens: &Lens, rows: Range<usize>) {
         let before = self.faces.len() as u32;
         let number = |n: u32| match n {
@@ -78,7 +73,7 @@ impl Pixels {
         }
     }
 
-    /// Takes the faces of the view whose rows were added last.
+    /// Adds the faces of the view whose rows were added last.
     pub(crate) fn add_faces(&mut self, view: &mut View) {
         self.faces.append(&mut view.faces);
     }

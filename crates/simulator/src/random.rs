@@ -1,9 +1,7 @@
-//! Addressed random numbers: every draw is a pure function of a seed, a purpose and an index.
-//!
-//! Answers: which noise belongs to pixel 17 of frame 3. Holds no state that one frame could hand to the next, so that
-//! frames can be rendered in any order.
+//! Addressed random numbers: every draw is a pure function of a seed, a purpose and an index. There is no state, so that frames can be
+//! rendered in any order.
 
-/// What a random number is for; equal indices with different purposes are independent.
+/// Purpose of a random number; equal indices with different purposes are independent.
 #[derive(Clone, Copy)]
 pub(crate) enum Purpose {
     Colour = 1,
@@ -18,11 +16,11 @@ pub(crate) enum Purpose {
     Matching = 10,
     Distortion = 11,
     Inertial = 12,
-    /// What is wrong with wheels.
+    /// Errors of wheel odometry.
     Odometry = 13,
 }
 
-/// The finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): a bijection of 64 bits that mixes them well.
+/// The finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): a well mixing bijection of 64 bits.
 #[inline]
 pub(crate) fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -43,7 +41,7 @@ pub(crate) fn bits(key: u64, index: u64) -> u64 {
     mix(key.wrapping_add(index.wrapping_mul(0x9E37_79B9_7F4A_7C15)))
 }
 
-/// A short stream for building scenes and textures, where draws come in a natural order.
+/// A sequential stream for building scenes and textures.
 pub(crate) struct Stream {
     key: u64,
     next: u64,
@@ -72,12 +70,10 @@ impl Stream {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform in 0..count.
     pub(crate) fn below(&mut self, count: usize) -> usize {
         (((self.bits() >> 32) * count as u64) >> 32) as usize
     }
 
-    /// True with probability `p`.
     pub(crate) fn chance(&mut self, p: f64) -> bool {
         self.unit() < p
     }

@@ -1,19 +1,16 @@
-//! Which face each pixel sees, and its depth there.
-//!
-//! Answers: visibility of convex planar faces in a pinhole view, by scan lines and a depth buffer on 1 / z (which is
-//! affine in the image). Knows no colours (module `shade`) and no noise (module `sensor`).
+//! Visibility of convex planar faces in a pinhole view, by scan lines and a depth buffer on 1 / z (which is affine in the image). Colours
+//! are in `shade`, noise is in `sensor`.
 
 use crate::scene::Face;
 use crate::shade::Visible;
 use std::ops::Range;
 use stillpoint_geometry::{Camera, Se3, Vec3};
 
-/// Faces nearer than this are cut off, m.
+/// Near plane, m.
 const NEAR: f64 = 0.03;
-/// The face number of a pixel that sees nothing.
+/// The face number of a pixel without a face.
 pub(crate) const NOTHING: u32 = u32::MAX;
 
-/// Where a view is seen from.
 pub(crate) struct Eye<'a> {
     pub(crate) camera: &'a Camera,
     pub(crate) camera_from_world: Se3,
@@ -21,31 +18,29 @@ pub(crate) struct Eye<'a> {
     pub(crate) centre: Vec3,
 }
 
-/// The faces of one view, and what the samples of some rows see of them.
+/// The faces of one view, and the visible face of each sample in some rows.
 pub(crate) struct View {
     pub(crate) width: usize,
-    /// Rows of samples that were drawn last, of those of the whole image.
+    /// The sample rows drawn last, of the whole image.
     rows: Range<usize>,
-    /// Rows of samples of the whole image.
+    /// Number of sample rows of the whole image.
     whole: usize,
     /// Samples per pixel along each side.
     factor: usize,
-    /// 1 / z of each sample, 1/m; 0 where nothing is seen.
+    /// 1 / z of each sample, 1/m; 0 for no face.
     pub(crate) inverse_depth: Vec<f32>,
-    /// Number of the face in `faces`, or [`NOTHING`].
+    /// Index in `faces`, or [`NOTHING`].
     pub(crate) face: Vec<u32>,
-    /// Those that may be in sight.
     pub(crate) faces: Vec<Visible>,
     shapes: Vec<Shape>,
     spans: Vec<[u32; 2]>,
     borders: Borders,
 }
 
-/// Where a face lies in the image.
 struct Shape {
-    /// Rows of samples that it covers.
+    /// The sample rows that it covers.
     rows: Range<usize>,
-    /// The first of them in the view's `spans`, which are the samples that it covers in each row.
+    /// Index of the first of them in the view's `spans`, the covered samples of each row.
     first: usize,
     /// Its 1 / z over the samples, 1/m: constant, along rows, along columns.
     inverse_depth: [f64; 3],
@@ -60,7 +55,7 @@ struct Borders {
 }
 
 impl View {
-    /// Finds what a camera at `world_from_camera` sees of `faces`, with `factor`^2 samples per pixel.
+    /// The view of `faces` from a camera at `world_from_camera`, with `factor`^2 samples per pixel.
     pub(crate) fn new<'a>(
         faces: impl Iterator<Item = &'a Face>,
         camera: &Camera,
@@ -74,7 +69,7 @@ impl View {
         view
     }
 
-    /// A view of nothing, with `factor`^2 samples per pixel.
+    /// An empty view, with `factor`^2 samples per pixel.
     pub(crate) fn blank(camera: &Camera, factor: usize) -> Self {
         Self {
             width: camera.width as usize * factor,
@@ -90,7 +85,7 @@ impl View {
         }
     }
 
-    /// Finds the faces that some rows of the image may show, in place of those that were found before; nothing is drawn.
+    /// Replaces the faces by those that some rows of the image may show, without drawing.
     pub(crate) fn place<'a>(
         &mut self,
         faces: impl Iterator<Item = &'a Face>,
@@ -128,7 +123,7 @@ impl View {
         self.borders = Borders { polygon, ..borders };
     }
 
-    /// Notes which samples of some rows a convex polygon covers, given in pixels. Whether there are any.
+    /// Records the samples of some rows that a convex polygon covers, given in pixels. Returns whether there are any.
     fn cover(&mut self, polygon: &mut [[f64; 2]], rows: &Range<usize>, by: &mut Borders) -> bool {
         let k = self.factor as f64;
         for p in polygon.iter_mut() {
@@ -155,7 +150,7 @@ impl View {
         covers
     }
 
-    /// How the face looks that was placed last.
+    /// Sets the appearance of the face placed last.
     fn show(&mut self, visible: Visible) {
         let k = self.factor as f64;
         let [c0, cu, cv] = visible.inverse_depth;
@@ -167,7 +162,7 @@ impl View {
         self.faces.push(visible);
     }
 
-    /// Draws some rows of the image, in place of those that were drawn before.
+    /// Draws some rows of the image, replacing those drawn before.
     pub(crate) fn draw(&mut self, rows: Range<usize>) {
         let (width, rows) = (self.width, rows.start * self.factor..rows.end * self.factor);
         self.inverse_depth.clear();
@@ -195,7 +190,7 @@ impl View {
         self.rows = rows;
     }
 
-    /// The number of the face that a sample of the whole image sees.
+    /// The face number of a sample of the whole image.
     #[inline]
     pub(crate) fn face_at(&self, x: usize, y: usize) -> u32 {
         self.face[(y - self.rows.start) * self.width + x]
@@ -209,13 +204,12 @@ impl View {
         (&self.inverse_depth[row.clone()], &self.face[row])
     }
 
-    /// Rows of samples of the whole image.
     pub(crate) fn whole(&self) -> usize {
         self.whole
     }
 }
 
-/// The first whole number from `v` on, within a range.
+/// The first integer from `v` on, within a range.
 #[inline]
 fn up(v: f64, range: Range<usize>) -> usize {
     let v = v.clamp(range.start as f64, range.end as f64);
@@ -270,10 +264,10 @@ impl Borders {
     }
 }
 
-/// Samples of a row that are compared at once, or pixels that are shaded at once.
+/// Number of samples of a row compared at once, or of pixels shaded at once.
 pub(crate) const AT_ONCE: usize = 8;
 
-/// Puts a face into a part of a row, in front of what is farther: its 1 / z is `start + step * i` at sample `i`.
+/// Draws a face into a part of a row with a depth test: its 1 / z is `start + step * i` at sample `i`.
 #[inline]
 fn put(depths: &mut [f32], faces: &mut [u32], [start, step]: [f32; 2], number: u32) {
     let one = |z: &mut f32, face: &mut u32, i: f32| {
@@ -284,7 +278,7 @@ fn put(depths: &mut [f32], faces: &mut [u32], [start, step]: [f32; 2], number: u
     };
     let (depths, depths_left) = depths.as_chunks_mut::<AT_ONCE>();
     let (faces, faces_left) = faces.as_chunks_mut::<AT_ONCE>();
-    // Numbers of samples are whole and small, so that they are exact.
+    // Sample numbers are small integers, which floats represent exactly.
     let mut first = 0.0;
     for (z, face) in depths.iter_mut().zip(faces) {
         for k in 0..AT_ONCE {
@@ -297,7 +291,7 @@ fn put(depths: &mut [f32], faces: &mut [u32], [start, step]: [f32; 2], number: u
     }
 }
 
-/// Their numbers.
+/// Their indices.
 pub(crate) const PLACES: [f32; AT_ONCE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// The pixels of a polygon's part in front of the near plane.

@@ -1,19 +1,17 @@
-//! From ideal images to what a Kinect-like camera would deliver.
+//! Degrades ideal images to those of a Kinect-like camera.
 //!
-//! Answers: blur, vignetting, exposure and noise of the colour image; noise, quantisation and holes of the depth image.
-//! The depth noise follows Nguyen, Izadi and Lovell (3DIMPVT 2012), the quantisation Khoshelham and Elberink (Sensors
-//! 2012).
+//! Blur, vignetting, exposure and noise of the colour image; noise, quantisation and holes of the depth image. The depth noise follows
+//! Nguyen, Izadi and Lovell (3DIMPVT 2012), the quantisation Khoshelham and Elberink (Sensors 2012).
 
 use crate::lens::Lens;
 use crate::pixels::Pixels;
 use crate::random::{self, Normal, Purpose};
 use stillpoint_geometry::Vec2;
 
-/// What turns ideal images into recorded ones.
 pub(crate) struct Sensor {
     pub(crate) normal: Normal,
     pub(crate) seed: u64,
-    /// Share of light that reaches each pixel.
+    /// Vignetting factor of each pixel.
     vignette: Vec<f32>,
     /// Length of the ray (x, y, 1) through each pixel.
     pub(crate) ray: Vec<f32>,
@@ -26,13 +24,13 @@ const READ_NOISE: f32 = 1.5;
 /// Variance per grey level of signal: photon noise.
 const PHOTON_NOISE: f32 = 0.022;
 
-/// Distance between the infrared projector and its camera, m.
+/// Baseline between the infrared projector and its camera, m.
 pub(crate) const BASELINE: f32 = 0.075;
-/// Depths outside these limits are not measured, m.
+/// Measurable depth range, m.
 pub(crate) const RANGE: [f32; 2] = [0.4, 7.0];
 /// Disparities are multiples of this, px.
 pub(crate) const DISPARITY_STEP: f32 = 0.125;
-/// The infrared signal (reflectivity x cosine / depth^2) below which there is no measurement, about.
+/// Approximate minimum infrared signal (reflectivity x cosine / depth^2) of a measurement.
 pub(crate) const SIGNAL: f32 = 0.009;
 /// Borders without depth after registration to the colour camera: left, top, right, bottom, px of 640 x 480.
 pub(crate) const BORDER: [usize; 4] = [10, 28, 34, 4];
@@ -47,7 +45,7 @@ impl Sensor {
                 ray.push(camera.ray(Vec2::new(u, v)).norm() as f32);
             }
         }
-        // Half of the natural cos^4 law: lenses are made to do better.
+        // Half of the natural cos^4 law, as lenses compensate it.
         let vignette = ray.iter().map(|l| 1.0 / (l * l)).collect();
         Self {
             normal: Normal::new(),
@@ -57,7 +55,7 @@ impl Sensor {
         }
     }
 
-    /// Brightness of the exposure at a stamp: automatic exposure drifts by some percent.
+    /// Exposure factor at a stamp: automatic exposure drifts by some percent.
     fn exposure(stamp: f64) -> f32 {
         let slow = libm::sin(0.9 * stamp + 0.5) + 0.5 * libm::sin(2.3 * stamp);
         (1.0 + 0.045 * slow) as f32
@@ -153,14 +151,13 @@ fn measure(z: f32, focal: f32, normal: f32) -> f32 {
     let d = z - 0.4;
     let noisy = z + normal * (0.0012 + 0.0019 * d * d);
     let unit = focal * BASELINE / DISPARITY_STEP;
-    // Disparities are positive, so that cutting off rounds down.
+    // Disparities are positive, so that truncation rounds down.
     let steps = (unit / noisy + 0.5) as i32 as f32;
     unit / steps
 }
 
-/// Marks the pixels of a row that the projector lights. It sits a baseline to the right of the infrared camera and sees a
-/// pixel at column x - focal * baseline / z; from right to left these columns fall, except for what lies in the shadow of
-/// something nearer.
+/// Marks the pixels of a row that the projector lights. It sits a baseline to the right of the infrared camera and sees a pixel at column
+/// x - focal * baseline / z; from right to left these columns decrease, except in the shadow of something nearer.
 pub(crate) fn find_lit(inverse_depth: &[f32], focal: f32, lit: &mut [bool]) {
     let shift = focal * BASELINE;
     let mut lowest = f32::MAX;
@@ -171,8 +168,7 @@ pub(crate) fn find_lit(inverse_depth: &[f32], focal: f32, lit: &mut [bool]) {
     }
 }
 
-/// True where the matching window of the depth camera straddles a depth edge and finds nothing; how far from the edge
-/// that happens varies in patches.
+/// True where the matching window straddles a depth edge and finds no match; the distance from the edge varies in patches.
 fn ragged(view: &Pixels, x: usize, y: usize, focal: f32, patch: f32) -> bool {
     let reach = (2.2 + 1.9 * patch) as usize;
     if reach == 0 || x < reach || y < reach || x + reach >= view.width || y + reach >= view.height {
@@ -180,16 +176,16 @@ fn ragged(view: &Pixels, x: usize, y: usize, focal: f32, patch: f32) -> bool {
     }
     let i = y * view.width + x;
     let w = &view.inverse_depth;
-    // Second differences of the disparity: zero on any plane, so that slanted faces are no edges.
+    // Second differences of the disparity are zero on any plane, so that slanted faces are no edges.
     let limit = EDGE / (focal * BASELINE);
     let bend = |step: usize| (w[i - step] + w[i + step] - 2.0 * w[i]).abs() > limit;
     bend(reach) || bend(reach * view.width)
 }
 
-/// Bend of the disparity that the matching window does not bear, px.
+/// Disparity bend above which matching fails, px.
 const EDGE: f32 = 1.2;
 
-/// Smooth noise of about unit variance, in patches of some pixels: neighbours share their luck.
+/// Smooth noise of about unit variance, in patches of some pixels.
 pub(crate) struct Patches {
     values: Vec<f32>,
     columns: usize,
@@ -221,7 +217,6 @@ impl Patches {
         top + (bottom - top) * fy
     }
 
-    /// All of row `y`.
     fn row(&self, y: usize, out: &mut [f32]) {
         let fy = (y % CELL) as f32 / CELL as f32;
         let upper = &self.values[y / CELL * self.columns..][..2 * self.columns];
@@ -279,7 +274,7 @@ mod tests {
 
     #[test]
     fn the_shadow_of_a_near_thing_falls_to_its_left() {
-        // A thing at 1 m before a wall at 2 m: disparities 40.1 and 20.1 px, so the shadow is 20 px wide.
+        // An object at 1 m before a wall at 2 m: disparities 40.1 and 20.1 px, so the shadow is 20 px wide.
         let inverse: Vec<f32> = (0..200)
             .map(|x| if (100..120).contains(&x) { 1.0 } else { 0.5 })
             .collect();

@@ -1,7 +1,4 @@
-//! The colour and the infrared reflection of what a view sees.
-//!
-//! Answers: the colour of a pixel from the faces that its samples see, and how much of the projector's light comes back.
-//! Which face a sample sees is the business of `raster`.
+//! Colour and infrared reflection of visible faces; visibility is in `raster`.
 
 use crate::lens::Lens;
 use crate::raster::{AT_ONCE, Eye, PLACES, View};
@@ -11,28 +8,26 @@ use stillpoint_geometry::{Camera, Vec3};
 /// `c[0] + c[1] u + c[2] v` over the image.
 type Affine = [f64; 3];
 
-/// One face as a view sees it.
 pub(crate) struct Visible {
     pub(crate) inverse_depth: Affine,
     s_over_z: Affine,
     t_over_z: Affine,
     light: [f32; 3],
     texture: u16,
-    /// Share of infrared light that comes back.
     infrared: f32,
-    /// Number of the mover that it belongs to; 0 for what stands still.
+    /// Number of its mover; 0 for static faces.
     pub(crate) mover: u8,
-    /// Number of the smooth surface that it is part of; 0 for a face of its own.
+    /// Number of its smooth surface; 0 for a separate face.
     surface: u16,
-    /// Number of the thing of a known class that it belongs to; 0 for none.
+    /// Number of its object of a known class; 0 for none.
     pub(crate) thing: u16,
     /// Distance of the camera from the face's plane, m.
     plane_distance: f32,
 }
 
 impl View {
-    /// Colours one row of the recorded image into `out`, RGB interleaved in grey levels; the view must have 2 x 2 samples
-    /// per pixel. Where the four samples see one face it is shaded once, at the pixel's centre; else each sample is shaded.
+    /// Shades one row of the recorded image into `out`, RGB interleaved in grey levels; the view must have 2 x 2 samples per pixel. If the
+    /// four samples see one face, it is shaded once at the pixel's centre; otherwise each sample is shaded.
     pub(crate) fn shade_row(&self, scene: &Scene, lens: &Lens, y: usize, out: &mut [f32]) {
         let mut x = 0;
         while x < lens.width {
@@ -46,7 +41,7 @@ impl View {
                     continue;
                 }
             };
-            // Distorted pixels do not follow each other at equal steps, so only ideal ones are shaded in runs.
+            // Distorted pixels have unequal steps, so only ideal ones are shaded in runs.
             let mut end = x + 1;
             if lens.is_ideal() {
                 let (upper, lower) = (self.row(2 * y).1, self.row(2 * y + 1).1);
@@ -63,17 +58,17 @@ impl View {
         }
     }
 
-    /// The faces that the four samples about a place of the image see.
+    /// The faces of the four samples about a position in the image.
     #[inline]
     fn samples(&self, [u, v]: [f64; 2]) -> [u32; 4] {
-        // Sample k lies at pixel (k + 0.5) / 2 - 0.5.
+        // Sample k is at pixel (k + 0.5) / 2 - 0.5.
         let clip = |p: f64, size: usize| ((2.0 * p + 0.5).max(0.0) as usize).min(size - 2);
         let (x, y) = (clip(u, self.width), clip(v, self.whole()));
         [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| self.face_at(x + i, y + j))
     }
 
-    /// The face that colours a pixel on its own: the one that all its samples see or, where they see one smooth surface,
-    /// whose faces continue each other, the one that is seen least aslant.
+    /// The face that colours a whole pixel: the common face of its samples or, if they see one smooth surface, whose faces are continuous,
+    /// the face closest to frontal.
     #[inline]
     fn one_face(&self, numbers: &[u32; 4]) -> Option<u32> {
         let [first, rest @ ..] = numbers;
@@ -131,7 +126,6 @@ impl Visible {
         }
     }
 
-    /// Colours a run of pixels that starts at (u, v).
     fn shade(&self, scene: &Scene, [u, v]: [f64; 2], out: &mut [f32]) {
         let texture = scene.texture(self.texture);
         let start = |a: &Affine| (a[0] + a[1] * u + a[2] * v) as f32;
@@ -140,7 +134,8 @@ impl Visible {
         let (s0, [su, sv]) = (start(&self.s_over_z), slope(&self.s_over_z));
         let (t0, [tu, tv]) = (start(&self.t_over_z), slope(&self.t_over_z));
         let [l0, ls, lt] = self.light;
-        // What needs no texture is computed for several pixels at once; numbers of pixels are whole and small, so that they are exact.
+        // Values independent of the texture are computed for several pixels at once; pixel numbers are small integers, which floats
+        // represent exactly.
         let mut first = 0.0;
         for pixels in out.chunks_mut(3 * AT_ONCE) {
             let mut at = [[0.0_f32; AT_ONCE]; 3];
@@ -173,8 +168,8 @@ impl Visible {
         self.plane_distance / (z * ray)
     }
 
-    /// Share of infrared light that comes back from a point at depth `z` on a ray (x, y, 1) of length `ray`: Lambert's law,
-    /// and for glossy black plastic a lobe of the fourth power of the cosine.
+    /// Share of infrared light reflected from a point at depth `z` on a ray (x, y, 1) of length `ray`: Lambert's law, and for glossy black
+    /// plastic a lobe of the fourth power of the cosine.
     #[inline]
     pub(crate) fn infrared_back(&self, z: f32, ray: f32) -> f32 {
         let cosine = self.cosine(z, ray);
@@ -186,11 +181,11 @@ impl Visible {
     }
 }
 
-/// Faces with less diffuse infrared reflection than this are glossy.
+/// Diffuse infrared reflection below which faces are glossy.
 const GLOSSY: f32 = 0.1;
 
-/// Squared size of a texture sample relative to the longer side of a pixel's footprint; under 1, because the box filters
-/// of the mip levels and the bilinear sampling blur on their own.
+/// Squared size of a texture sample relative to the longer side of a pixel's footprint; under 1, because the box filters of the mip levels
+/// and the bilinear sampling add blur.
 const FOOTPRINT2: f32 = 0.5;
 
 /// `a . ray(u, v)` as an affine function of the pixel.

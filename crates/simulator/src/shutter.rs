@@ -1,7 +1,7 @@
-//! When each row of an image is exposed, and what it sees then.
+//! Exposure times of image rows.
 //!
-//! Answers: the ideal colours of an image whose rows are exposed one after the other and for some time, and what its pixels
-//! see. Every row has the exact pose of its own time; movers are placed anew every [`STEP`]. Knows no noise.
+//! Renders ideal colour images with rolling shutter and motion blur, and the visible faces of depth images. Every row has the exact pose of
+//! its own time; movers are updated every [`STEP`].
 
 use crate::lens::Lens;
 use crate::moment::{InSight, Moment, Touched, touch};
@@ -13,27 +13,27 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use stillpoint_geometry::{Vec2, Vec3};
 
-/// When the rows of a camera's images are exposed.
+/// Exposure timing of a camera's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Shutter {
-    /// Time from the exposure of the colour image's first row to its last, s; 0 for a global shutter. The stamp is the middle of the
-    /// middle row's exposure.
+    /// Readout time of the colour image, first row to last, s; 0 for a global shutter. The stamp is the middle of the middle row's
+    /// exposure.
     pub readout: f64,
-    /// The same of the depth image: the infrared camera of a Kinect has a rolling shutter of its own (Ringaby and Forssen, ICCV 2011).
+    /// Readout time of the depth image, s: the infrared camera of a Kinect has its own rolling shutter (Ringaby and Forssen, ICCV 2011).
     pub depth_readout: f64,
-    /// How long each row of the colour image is exposed, s; 0 for no motion blur.
+    /// Exposure time of each row of the colour image, s; 0 for no motion blur.
     pub exposure: f64,
 }
 
 impl Shutter {
-    /// What a camera in the hand has indoors: 20 ms of readout, 30 ms of the infrared camera's, 10 ms of exposure.
+    /// A hand-held camera indoors: 20 ms of readout, 30 ms of the infrared camera's, 10 ms of exposure.
     pub(crate) const ROLLING: Self = Self {
         readout: 0.02,
         depth_readout: 0.03,
         exposure: 0.01,
     };
 
-    /// The same for another rate: what takes most of a frame's time at 30 Hz does so at any higher one.
+    /// Adapts it to another rate: times that nearly fill a frame period at 30 Hz do so at any higher rate.
     pub(crate) fn at_rate(self, rate: f64) -> Self {
         let share = (30.0 / rate).min(1.0);
         Self {
@@ -43,7 +43,7 @@ impl Shutter {
         }
     }
 
-    /// True when every time is a number from 0 on and an image is read before the next one.
+    /// True if every time is at least 0 and an image is read before the next one.
     pub(crate) fn fits(&self, rate: f64) -> bool {
         let period = 1.0 / rate;
         [self.readout, self.depth_readout, self.exposure]
@@ -52,16 +52,16 @@ impl Shutter {
     }
 }
 
-/// The image moves by less than this between two exposures that are averaged, px.
+/// Maximum image motion between two averaged exposures, px.
 const BLUR_STEP: f64 = 2.0;
-/// At most this many exposures are averaged: a motion that is too fast exceeds `BLUR_STEP` between two of them.
+/// Maximum number of averaged exposures: faster motion exceeds `BLUR_STEP` between two of them.
 const MOST_EXPOSURES: usize = 12;
-/// What is nearest in sight, for the bound on how far it moves in the image, m.
+/// Minimum depth assumed for the bound on image motion, m.
 const NEAREST: f64 = 0.7;
-/// Movers are placed anew after this time, s: limbs of 2 m/s at 1 m move by half a pixel.
+/// Interval of updating movers, s: limbs of 2 m/s at 1 m move by half a pixel.
 const STEP: f64 = 0.0005;
 
-/// Rows of an image that are drawn at once, px.
+/// Number of rows drawn at once.
 const BAND: usize = 8;
 
 /// A camera on its path through a scene.
@@ -98,7 +98,7 @@ impl<'a> Sight<'a> {
         sum
     }
 
-    /// The same exposed for no time; `moments` are those that are known already.
+    /// Like [`Self::colour`] with zero exposure time; `moments` are precomputed.
     fn exposed(&self, stamp: f64, readout: f64, moments: &BTreeMap<i64, Moment>) -> Vec<f32> {
         let (w, h) = (self.lens.width, self.lens.height);
         let mut ideal = vec![0.0_f32; 3 * w * h];
@@ -133,7 +133,7 @@ impl<'a> Sight<'a> {
         ideal
     }
 
-    /// What the pixels see in the middle of their exposure.
+    /// The visible faces in the middle of each pixel's exposure.
     pub(crate) fn pixels(&self, stamp: f64, readout: f64) -> Pixels {
         let mut pixels = Pixels::new(self.lens);
         if readout == 0.0 {
@@ -159,17 +159,17 @@ impl<'a> Sight<'a> {
         pixels
     }
 
-    /// The recorded rows in parts that are drawn one after the other: so few that they stay in the processor's cache.
+    /// The recorded rows in bands that are drawn in turn, small enough to stay in the processor's cache.
     fn bands(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         let height = self.lens.height;
-        // Bands of a lens that distorts would overlap in the rendered image.
+        // Bands of a distorting lens would overlap in the rendered image.
         let step = if self.lens.is_ideal() { BAND } else { height };
         (0..height)
             .step_by(step)
             .map(move |y| y..(y + step).min(height))
     }
 
-    /// The rows of the rendered image that some recorded rows look at.
+    /// The rows of the rendered image needed for some recorded rows.
     fn rendered_rows(&self, recorded: &Range<usize>) -> Range<usize> {
         if self.lens.is_ideal() {
             return recorded.clone();
@@ -177,12 +177,12 @@ impl<'a> Sight<'a> {
         0..self.lens.rendered.height as usize
     }
 
-    /// When a row of the recorded image is exposed, s.
+    /// Exposure time of a row of the recorded image, s.
     pub(crate) fn row_time(&self, y: usize, stamp: f64, readout: f64) -> f64 {
         stamp + readout * (y as f64 / self.lens.height as f64 - 0.5)
     }
 
-    /// The faces that the camera sees at a time, before the lens, with `factor`^2 samples per pixel; no rows are drawn yet.
+    /// The faces that the camera sees at a time, before the lens, with `factor`^2 samples per pixel; nothing is drawn yet.
     pub(crate) fn faces(&self, stamp: f64, factor: usize) -> View {
         let pose = self.path.world_from_camera(stamp);
         let rows = 0..self.lens.rendered.height as usize;
@@ -195,7 +195,7 @@ impl<'a> Sight<'a> {
         view
     }
 
-    /// The recorded rows in parts that are exposed about the same moment, with its number.
+    /// The recorded rows in groups exposed around the same moment, with its number.
     fn runs(&self, stamp: f64, readout: f64) -> Vec<(i64, Range<usize>)> {
         let mut runs: Vec<(i64, Range<usize>)> = Vec::new();
         for y in 0..self.lens.height {
@@ -208,7 +208,7 @@ impl<'a> Sight<'a> {
         runs
     }
 
-    /// The moments about which images with their middles at `stamps` are exposed, each with what their rows may show of it.
+    /// The moments around which images centred at `stamps` are exposed, each with the faces that their rows may show.
     fn moments(&self, stamps: &[f64], readout: f64) -> BTreeMap<i64, Moment> {
         if readout == 0.0 {
             return BTreeMap::new();
@@ -228,14 +228,14 @@ impl<'a> Sight<'a> {
         Moment::new(self.scene, &self.lens.rendered, (time, &pose), rows)
     }
 
-    /// The rows of the rendered image that some recorded rows look at.
+    /// The rows of the rendered image needed for some recorded rows.
     fn all_rendered_rows(&self, recorded: &Range<usize>) -> Range<usize> {
         let rows = recorded.clone().map(|y| self.lens.rendered_rows(y));
         let rows = rows.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end));
         rows.unwrap_or_default()
     }
 
-    /// Draws what the recorded row `y` sees of some faces at a time.
+    /// Draws the recorded row `y` of some faces at a time.
     fn strip(&self, y: usize, time: f64, faces: &[Touched], view: &mut View) {
         let rows = self.lens.rendered_rows(y);
         let touched = faces.iter().filter(|(_, at)| touch(at, &rows));
@@ -245,7 +245,6 @@ impl<'a> Sight<'a> {
         view.draw(rows);
     }
 
-    /// How many exposures are averaged.
     fn exposures(&self, stamp: f64, exposure: f64) -> usize {
         if exposure == 0.0 {
             return 1;
@@ -256,7 +255,7 @@ impl<'a> Sight<'a> {
         ((moved / BLUR_STEP).ceil() as usize).clamp(1, MOST_EXPOSURES)
     }
 
-    /// How far what stands still moves in the image within a time about a stamp, at most, px.
+    /// Maximum image motion of static faces within a time about a stamp, px.
     fn camera_px(&self, stamp: f64, span: f64) -> f64 {
         let camera = &self.lens.rendered;
         let pose = |t: f64| self.path.world_from_camera(t);
@@ -275,7 +274,7 @@ impl<'a> Sight<'a> {
         most
     }
 
-    /// The same of movers in sight; limbs are twice as fast as bodies.
+    /// Maximum image motion of visible movers; limbs are twice as fast as bodies.
     fn mover_px(&self, stamp: f64, span: f64) -> f64 {
         let pose = self.path.world_from_camera(stamp);
         let mut most = 0.0_f64;

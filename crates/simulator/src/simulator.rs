@@ -1,4 +1,4 @@
-//! The simulator: a scene, a path and a sensor put together.
+//! The simulator: combines a scene, a path and a sensor.
 
 mod inertial;
 mod odometry;
@@ -24,31 +24,30 @@ use std::sync::Arc;
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
 use stillpoint_imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame};
 
-/// What to simulate.
+/// Configuration of the simulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulatorConfig {
     /// One of [`scene_names`].
     pub scene: String,
-    /// Decides layout, textures, hand tremor and noise.
+    /// Determines layout, textures, hand tremor and noise.
     pub seed: u64,
     /// Number of frames; `None` for the scene's own length.
     pub frames: Option<usize>,
-    /// Frames per second, 1 to 1000. The scene takes as long at any rate.
+    /// Frames per second, 1 to 1000. The duration of the scene does not change.
     pub rate: f64,
-    /// All lengths of the scene, the camera's path included, are so many times as long, 0.01 to 100: ideal images stay the same, and depths are
-    /// measured as the sensor measures them there.
+    /// Scale of all lengths including the camera's path, 0.01 to 100: ideal images stay the same, and the sensor model is applied to the
+    /// scaled depths.
     pub scale: f64,
     /// Without noise the images are ideal: no blur, vignetting, exposure change, noise, quantisation or holes.
     pub noise: bool,
-    /// How long after the colour image the depth image is taken, s, on average; it drifts by 70 % to both sides, as the
-    /// two cameras of a Kinect run free.
+    /// Mean delay of the depth image after the colour image, s; it drifts by 70 % to both sides, as the two cameras of a Kinect are
+    /// unsynchronised.
     pub depth_delay: f64,
-    /// When the rows of an image are exposed, with noise or without; `None` for the scene's own shutter, which most scenes have global and
-    /// instantaneous.
+    /// Exposure timing, with noise or without; `None` for the scene's own shutter, which is global and instantaneous in most scenes.
     pub shutter: Option<Shutter>,
-    /// How depth images err; `None` for the scene's own model.
+    /// Depth error model; `None` for the scene's own.
     pub depth_model: Option<DepthModel>,
-    /// The camera, of colour and of depth: any size from 32 to 4096 px, with or without distortion.
+    /// The camera of colour and depth: any size from 32 to 4096 px, with or without distortion.
     pub camera: Camera,
 }
 
@@ -91,8 +90,8 @@ impl Simulator {
     /// Builds the scene and paints its textures.
     ///
     /// # Errors
-    /// [`SimulatorError`] for an unknown scene, a rate or a scale out of range, a delay or a shutter's time that is longer than a frame, or a
-    /// camera out of range.
+    /// [`SimulatorError`] for an unknown scene, a rate or scale out of range, a delay or shutter time longer than a frame, or a camera out
+    /// of range.
     pub fn new(config: &SimulatorConfig) -> Result<Self, SimulatorError> {
         if !(1.0..=1000.0).contains(&config.rate) {
             return Err(SimulatorError::Rate(config.rate));
@@ -122,7 +121,7 @@ impl Simulator {
             None => own_shutter.at_rate(config.rate),
         };
         let lens = Lens::new(&config.camera);
-        // A lens model that folds over or runs off asks for a boundless view.
+        // A folding or diverging lens model would need an unbounded view.
         if lens.rendered.width.max(lens.rendered.height) > 8192 || lens.rendered.width == 0 {
             return Err(SimulatorError::Camera(Box::new(config.camera)));
         }
@@ -151,7 +150,7 @@ impl Simulator {
         &self.camera
     }
 
-    /// When the rows of an image are exposed.
+    /// Exposure timing of the images.
     #[must_use]
     pub fn shutter(&self) -> &Shutter {
         &self.shutter
@@ -198,7 +197,7 @@ impl Simulator {
             .collect()
     }
 
-    /// A frame without its colour image; any index may be asked for, in any order.
+    /// A frame without its colour image; frames may be requested in any order.
     #[must_use]
     pub fn frame(&self, index: usize) -> RgbdFrame {
         let mut frame = self.frame_with_colour(index);
@@ -229,7 +228,7 @@ impl Simulator {
         ColourImage::from_vec(w, h, bytes).unwrap_or_default()
     }
 
-    /// The bytes of a colour image of so many columns.
+    /// The bytes of a colour image of this width.
     fn exposed(&self, width: usize, index: usize) -> Vec<u8> {
         let stamp = self.stamp(index);
         let mut ideal = self.sight().colour(stamp, &self.shutter);
@@ -249,7 +248,8 @@ impl Simulator {
         DepthImage::from_vec(w, h, data).unwrap_or_default()
     }
 
-    /// By thing of [`Self::things`] that stands still: its pixels in a frame's depth image, and how many of them have depth. Depth cameras measure none on what is dark and far.
+    /// For each static object of [`Self::things`]: its pixels in a frame's depth image, and the number of them with depth. Depth cameras do
+    /// not measure dark and distant surfaces.
     #[must_use]
     pub fn depth_px(&self, index: usize) -> Vec<[usize; 2]> {
         let (view, depth) = self.measured(index);
@@ -265,7 +265,7 @@ impl Simulator {
         counts
     }
 
-    /// What the pixels of a frame's depth image see, and what it says of it.
+    /// The visible faces of a frame's depth image, and the measured depths.
     fn measured(&self, index: usize) -> (Pixels, Vec<f32>) {
         let stamp = self.depth_stamp(index);
         let mut view = self.sight().pixels(stamp, self.shutter.depth_readout);
@@ -279,7 +279,7 @@ impl Simulator {
         (view, depth)
     }
 
-    /// The surfaces of all that stands still, as convex planar polygons in the world, m; corners counter-clockwise as seen from outside.
+    /// The static surfaces as convex planar polygons in the world, m; corners counter-clockwise as seen from outside.
     #[must_use]
     pub fn static_surfaces(&self) -> Vec<Vec<Vec3>> {
         let scaled =
@@ -287,7 +287,7 @@ impl Simulator {
         self.scene.fixed().iter().map(scaled).collect()
     }
 
-    /// What moves in a frame, exactly, whatever the noise: mask and boxes in the middle of the exposure of each row of its colour image.
+    /// The exact movers in a frame, independent of noise: mask and boxes in the middle of the exposure of each row of its colour image.
     #[must_use]
     pub fn truth(&self, index: usize) -> FrameTruth {
         let stamp = self.stamp(index);
@@ -302,7 +302,7 @@ impl Simulator {
         truth::truth(&seen, [w, h], &movers, self.scene.things())
     }
 
-    /// The same without the things that stand still. In scenes in which nothing moves nothing is rendered for it.
+    /// Like [`Self::truth`] without static objects. Renders nothing in scenes without movers.
     #[must_use]
     pub fn moving(&self, index: usize) -> FrameTruth {
         if self.scene.is_still() {
@@ -318,8 +318,8 @@ impl Simulator {
         }
     }
 
-    /// How many pixels a thing of a number in [`FrameTruth::things`] would fill in frame `index` if nothing stood before it and the image were twice as
-    /// wide and as high: by it can be told how much of the thing is in sight.
+    /// Number of pixels that object `thing` of [`FrameTruth::things`] would fill in frame `index` unoccluded and in an image twice as wide
+    /// and high: gives the visible share of the object.
     #[must_use]
     pub fn whole_px(&self, index: usize, thing: u32) -> usize {
         let camera = Camera {
@@ -336,8 +336,8 @@ impl Simulator {
         view.face.iter().filter(|f| **f != NOTHING).count()
     }
 
-    /// The true boxes of all things of a class that detectors know, with their numbers in [`FrameTruth::things`]; after them those that somebody
-    /// carries away, with their numbers in [`FrameTruth::boxes`].
+    /// The true boxes of all objects of known classes, with their numbers in [`FrameTruth::things`]; then those that a person carries away,
+    /// with their numbers in [`FrameTruth::boxes`].
     #[must_use]
     pub fn things(&self) -> Vec<(u32, ThingBox)> {
         let still = self.scene.things().iter().zip(1..).map(|(t, n)| (n, *t));
@@ -354,7 +354,7 @@ impl Simulator {
         still.chain(self.scene.taken()).map(scaled).collect()
     }
 
-    /// What a detector that errs as `noise` says would find in a frame: persons, and furniture where it knows that.
+    /// Simulated detections in a frame with the errors `noise`: persons, and furniture if enabled.
     #[must_use]
     pub fn detections(&self, index: usize, noise: &DetectionNoise) -> Vec<ScriptedDetection> {
         let truth = if noise.things {
@@ -365,7 +365,8 @@ impl Simulator {
         self.detections_of(index, &truth, noise)
     }
 
-    /// The same where it is known what is to be seen in the frame ([`Self::truth`], or [`Self::moving`] where the detector knows no furniture).
+    /// Like [`Self::detections`], with the frame's truth already known ([`Self::truth`], or [`Self::moving`] if the detector knows no
+    /// furniture).
     #[must_use]
     pub fn detections_of(
         &self,
@@ -384,7 +385,7 @@ impl Simulator {
         }
     }
 
-    /// The frames in order, with colour when `colour` says so.
+    /// The frames in order, with colour if `colour` is set.
     #[must_use]
     pub fn source(self) -> SimulatorSource {
         SimulatorSource::new(self)

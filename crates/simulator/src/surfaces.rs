@@ -1,4 +1,4 @@
-//! How far points are from a true surface: what a reconstructed one is judged by.
+//! Distances of points to true surfaces, for evaluating reconstructions.
 
 use std::collections::BTreeMap;
 use stillpoint_geometry::Vec3;
@@ -25,12 +25,12 @@ impl Surfaces {
         Self(polygons.into_iter().filter_map(polygon).collect())
     }
 
-    /// Distance of a point from the nearest polygon, m; infinite where there is none.
+    /// Distance of a point from the nearest polygon, m; infinite without polygons.
     #[must_use]
     pub fn distance(&self, p: &Vec3) -> f64 {
         self.0.iter().fold(f64::INFINITY, |nearest, polygon| {
             let off = polygon.normal.dot(&(p - polygon.corners[0])).abs();
-            // Nothing of a polygon is nearer than its plane.
+            // No point of a polygon is nearer than its plane.
             if off < nearest {
                 nearest.min(polygon.distance(p, off))
             } else {
@@ -54,7 +54,7 @@ impl Polygon {
     }
 }
 
-/// The share of some points that have one of others within a distance, m; not a number where there are none.
+/// The share of points that have one of the others within a distance, m; NaN without points.
 #[must_use]
 pub fn share_near(points: &[Vec3], others: &[Vec3], within: f64) -> f64 {
     let cell = |p: &Vec3| <[i32; 3]>::from(p.map(|v| (v / within).floor() as i32));
@@ -66,7 +66,7 @@ pub fn share_near(points: &[Vec3], others: &[Vec3], within: f64) -> f64 {
         let at = cell(p);
         (0..27).any(|k| {
             let steps = [k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1];
-            // Cells of what is too far to count end at the largest number.
+            // Distant cells saturate.
             let around = std::array::from_fn(|axis| at[axis].saturating_add(steps[axis]));
             let mut there = cells.get(&around).into_iter().flatten();
             there.any(|q| (*p - *q).norm() < within)
@@ -117,7 +117,7 @@ mod tests {
     }
 
     proptest! {
-        /// No point of a polygon is nearer, and one that it is made of is as near.
+        /// No point of a polygon is nearer, and one of its points is as near.
         #[test]
         fn no_point_of_a_surface_is_nearer(p in prop::array::uniform3(-5.0..5.0_f64), u in -1.0..1.0_f64, v in -1.0..1.0_f64) {
             let (p, distance) = (Vec3::from(p), two().distance(&Vec3::from(p)));

@@ -1,25 +1,25 @@
-//! What moves in a frame, pixel by pixel and box by box, and what a detector would say about it.
+//! Ground truth of a frame, and simulated detections.
 //!
-//! Answers: exact masks and boxes of the movers, boxes of furniture, and scripted detections that miss, jitter, see what is not there and
-//! never know a carried box. Knows nothing of the sensor: noise does not change what is true.
+//! Exact masks and boxes of the movers, boxes of furniture, and scripted detections with misses, jitter and false alarms; carried boxes are
+//! never detected. Independent of the sensor's noise.
 
 use crate::pixels::Pixels;
 use crate::random::{Normal, Purpose, Stream, key};
 use stillpoint_imaging::GrayImage;
 
-/// What moves in a frame at the stamp of its colour image.
+/// The movers in a frame at the stamp of its colour image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameTruth {
-    /// The mover that each pixel's centre sees: k for mover k, 0 for what stands still.
+    /// The mover at each pixel's centre: k for mover k, 0 for static.
     pub mask: GrayImage,
-    /// The movers that are seen, in the order of their numbers.
+    /// The visible movers, by number.
     pub boxes: Vec<MoverBox>,
-    /// The things that are seen, stand still and are of a class that detectors know, in the order of their numbers; those count for themselves.
+    /// The visible static objects of known classes, by number; they are numbered separately.
     pub things: Vec<MoverBox>,
 }
 
 impl FrameTruth {
-    /// Share of the image that shows movers, 0 to 1.
+    /// Share of the image covered by movers, 0 to 1.
     #[must_use]
     pub fn cover(&self) -> f64 {
         let seen: usize = self.boxes.iter().map(|b| b.visible_px).sum();
@@ -27,12 +27,12 @@ impl FrameTruth {
     }
 }
 
-/// The visible part of one mover or thing. Pixel (0, 0) reaches from -0.5 to 0.5.
+/// The visible part of a mover or object. Pixel (0, 0) extends from -0.5 to 0.5.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MoverBox {
-    /// Number of the mover, from 1; the same thing in all frames of a scene.
+    /// Number of the mover, from 1; constant in all frames of a scene.
     pub mover: u32,
-    /// What it is: `person`, `box` or what else is carried, or of a thing its class in COCO.
+    /// Class: `person`, `box` or another carried object, or for a static object its COCO class.
     pub class: &'static str,
     /// Left border, px of the recorded image.
     pub x0: f64,
@@ -42,76 +42,75 @@ pub struct MoverBox {
     pub x1: f64,
     /// Lower border, px.
     pub y1: f64,
-    /// Number of pixels in the mask.
+    /// Number of visible pixels.
     pub visible_px: usize,
-    /// Whether it is a person whose back the camera sees throughout the scene.
+    /// Whether it is a person seen from behind throughout the scene.
     pub from_behind: bool,
-    /// Where it is and how it moves; `None` for what stands still.
+    /// Position and velocity; `None` for static objects.
     pub motion: Option<MoverMotion>,
 }
 
-/// The true box around a thing of a class that detectors know: upright, with axes of its own.
+/// The true box of an object of a known class: upright, with its own axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThingBox {
-    /// Its class in COCO.
+    /// Its COCO class.
     pub class: &'static str,
-    /// The middle of the box, m.
+    /// The centre of the box, m.
     pub centre: [f64; 3],
     /// Its sides along its own axes, of which the third is up, m.
     pub size: [f64; 3],
-    /// Turn about the vertical from the world's axes to its own, rad.
+    /// Rotation about the vertical from the world's axes to its own, rad.
     pub yaw: f64,
-    /// When somebody lifts it and carries it away, s; none for what stays.
+    /// Time at which a person lifts it and carries it away, s; `None` if it stays.
     pub taken_at: Option<f64>,
 }
 
-/// Where a mover is in the world, and how fast it moves.
+/// Position and velocity of a mover in the world.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MoverMotion {
-    /// Middle of the hips of a person, of a load itself, m.
+    /// Centre of a person's hips, or of a load, m.
     pub position: [f64; 3],
     /// Velocity of this point, m/s.
     pub velocity: [f64; 3],
 }
 
-/// What a mover is, and how it moves.
+/// Class and motion of a mover.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MoverState {
     pub(crate) class: &'static str,
-    /// See [`MoverBox::from_behind`].
     pub(crate) from_behind: bool,
     pub(crate) motion: Option<MoverMotion>,
 }
 
-/// How a scripted detector errs.
+/// Errors of a simulated detector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DetectionNoise {
-    /// Probability that a visible person is not found in a frame, 0 to 1.
+    /// Probability that a visible person is missed in a frame, 0 to 1.
     pub drop: f64,
     /// Standard deviation of each border of a box, px.
     pub jitter_px: f64,
-    /// Persons of whom fewer pixels are seen are never found.
+    /// Minimum number of visible pixels of detected persons.
     pub min_visible_px: usize,
-    /// Probability that a burst of misses begins for a person in a frame, 0 to 1: in it the person is found in no frame, as somebody is who turns the
-    /// back on the camera.
+    /// Probability that a burst of misses begins for a person in a frame, 0 to 1: the person is missed in all its frames, as when turning
+    /// the back on the camera.
     pub burst: f64,
     /// Length of a burst, frames.
     pub burst_frames: usize,
-    /// The same probability for a person whose back the camera sees throughout the scene ([`MoverBox::from_behind`]); such a burst may have begun before
-    /// the first frame.
+    /// Probability of a burst for a person seen from behind throughout the scene ([`MoverBox::from_behind`]); such a burst may have begun
+    /// before the first frame.
     pub from_behind: f64,
-    /// Probability that somebody is found in a frame where nobody is, 0 to 1.
+    /// Probability of a false detection of a person in a frame, 0 to 1.
     pub false_alarm: f64,
-    /// Whether furniture is found as well: chairs, desks, screens, keyboards, books and cups, as often missed as people, alone and in bursts, and as
-    /// often found where there is none.
+    /// Whether furniture is detected as well: chairs, desks, screens, keyboards, books and cups, with the same rates of misses, bursts and
+    /// false alarms as people.
     pub things: bool,
-    /// Decides what is missed and how borders jitter.
+    /// Seed of misses and jitter.
     pub seed: u64,
 }
 
 impl Default for DetectionNoise {
-    /// The errors of a small network on people who move: 30 % missed, borders off by 4 px, and of a person who is seen from behind 91 %, most of them in
-    /// bursts; none of the others.
+    /// The errors of a small network on moving people: 30 % missed, borders off by 4 px, and of a person seen from behind 91 %, mostly in
+    /// bursts; no other errors.
     fn default() -> Self {
         Self {
             drop: 0.3,
@@ -127,14 +126,14 @@ impl Default for DetectionNoise {
     }
 }
 
-/// A box as a detector would give it: a row of a script of detections.
+/// A detection: a row of a script of detections.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScriptedDetection {
     /// Stamp of the colour image, s.
     pub stamp: f64,
-    /// `person`, or what a thing is: what people carry is in no detector's list.
+    /// `person`, or the class of an object; loads carried by people are in no detector's list.
     pub class: &'static str,
-    /// How sure the detector is, 0 to 1.
+    /// Score, 0 to 1.
     pub score: f32,
     /// Left border, px of the recorded image.
     pub x0: f64,
@@ -160,7 +159,7 @@ impl Extent {
     }
 }
 
-/// The boxes of what is seen; entry k - 1 is that of number k.
+/// The boxes of the visible movers; entry k - 1 is that of number k.
 fn boxes(found: &[Extent], what: &[MoverState]) -> Vec<MoverBox> {
     let numbered = found.iter().zip(what).enumerate();
     let seen = numbered.filter(|(_, (extent, _))| extent.1 > 0);
@@ -178,7 +177,7 @@ fn boxes(found: &[Extent], what: &[MoverState]) -> Vec<MoverBox> {
     .collect()
 }
 
-/// The numbers of mover and thing that each pixel sees, as three bytes.
+/// The numbers of mover and object at each pixel, as three bytes.
 pub(crate) fn seen(view: &Pixels) -> Vec<u8> {
     let numbers = |k| view.face(k).map_or((0, 0), |f| (f.mover, f.thing));
     let bytes = |(mover, thing): (u8, u16)| {
@@ -189,7 +188,7 @@ pub(crate) fn seen(view: &Pixels) -> Vec<u8> {
     pixels.flat_map(|k| bytes(numbers(k))).collect()
 }
 
-/// Mask and boxes of what the pixels of an image of some width and height see ([`seen`]). Mover k is `movers[k - 1]`, `things[k - 1]` is what thing k is.
+/// Mask and boxes from the numbers per pixel ([`seen`]) of an image of this size. Mover k is `movers[k - 1]`, object k is `things[k - 1]`.
 pub(crate) fn truth(
     seen: &[u8],
     [width, height]: [usize; 2],
@@ -226,16 +225,16 @@ pub(crate) fn truth(
     }
 }
 
-/// Numbers of things and of false alarms, beyond those of movers.
+/// Base of the random stream numbers of objects and false alarms, beyond those of movers.
 const THINGS: u64 = 1 << 32;
 const FALSE_ALARMS: u64 = 1 << 33;
-/// Bursts of misses, beside what else happens to a mover.
+/// Base of the stream numbers for bursts of misses.
 const BURSTS: u64 = 1 << 34;
-/// Bursts of misses of people who are seen from behind: a stream of random numbers of their own, so that other scenes stay as they are.
+/// Base of the stream numbers for bursts of people seen from behind: separate, so that other scenes stay unchanged.
 const BACKS: u64 = 1 << 36;
-/// False alarms that are things.
+/// Base of the stream numbers for false alarms of objects.
 const FALSE_THINGS: u64 = 1 << 35;
-/// What is seen where it is not, with its usual width and height as shares of the image's height.
+/// Classes of false alarms, with their usual width and height as shares of the image's height.
 const SEEN_WRONGLY: [(&str, [f64; 2]); 5] = [
     ("chair", [0.35, 0.5]),
     ("tv", [0.35, 0.25]),
@@ -244,7 +243,7 @@ const SEEN_WRONGLY: [(&str, [f64; 2]); 5] = [
     ("dining table", [0.8, 0.35]),
 ];
 
-/// What a detector would say about frame `index`.
+/// The simulated detections of frame `index`.
 pub(crate) fn detections(
     truth: &FrameTruth,
     noise: &DetectionNoise,
@@ -274,7 +273,7 @@ pub(crate) fn detections(
         };
         let number = |b: &MoverBox| THINGS + u64::from(b.mover);
         rows.extend(truth.things.iter().filter_map(|b| find(b, number(b))));
-        // No detector knows a carried box.
+        // Detectors do not know carried boxes.
         let carried = truth.boxes.iter();
         let carried = carried.filter(|b| !["person", "box"].contains(&b.class));
         rows.extend(carried.filter_map(|b| find(b, u64::from(b.mover))));
@@ -284,7 +283,6 @@ pub(crate) fn detections(
     rows
 }
 
-/// A detector that looks at one frame.
 struct ScriptedDetector<'a> {
     noise: &'a DetectionNoise,
     normal: &'a Normal,
@@ -295,20 +293,20 @@ struct ScriptedDetector<'a> {
 }
 
 impl ScriptedDetector<'_> {
-    /// Addressed by number and frame: what happens to one person does not depend on who else is seen.
+    /// Addressed by number and frame, so that errors are independent of other visible people.
     fn stream(&self, number: u64, index: usize) -> Stream {
         let seed = key(self.noise.seed, Purpose::Detections, number);
         Stream::new(seed, Purpose::Detections, index as u64)
     }
 
-    /// Whether a burst of misses that began in this frame or before is not over yet.
+    /// Whether a burst of misses that began in this or an earlier frame is active.
     fn in_burst(&self, number: u64) -> bool {
         let first = (self.index + 1).saturating_sub(self.noise.burst_frames);
         let begins = |index| self.stream(BURSTS + number, index).chance(self.noise.burst);
         self.noise.burst > 0.0 && (first..=self.index).any(begins)
     }
 
-    /// Whether a person is missed because the camera sees only the back.
+    /// Whether a person is missed because only the back is visible.
     fn misses_back(&self, seen: &MoverBox, number: u64) -> bool {
         let chance = self.noise.from_behind;
         let begins = |index| self.stream(BACKS + number, index).chance(chance);
@@ -316,7 +314,7 @@ impl ScriptedDetector<'_> {
         seen.from_behind && chance > 0.0 && bursts.into_iter().any(begins)
     }
 
-    /// What is said of something that is seen; `None` when it is missed.
+    /// The detection of a visible object; `None` if it is missed.
     fn find(&self, seen: &MoverBox, number: u64) -> Option<ScriptedDetection> {
         let (noise, [w, h]) = (self.noise, self.size);
         let mut rng = self.stream(number, self.index);
@@ -329,7 +327,7 @@ impl ScriptedDetector<'_> {
         };
         let (x0, x1) = (border(seen.x0, w), border(seen.x1, w));
         let (y0, y1) = (border(seen.y0, h), border(seen.y1, h));
-        // Larger persons are surer ones.
+        // Larger persons get higher scores.
         let size = (seen.visible_px as f64 / (0.06 * w * h)).min(1.0);
         Some(ScriptedDetection {
             stamp: self.stamp,
@@ -342,7 +340,7 @@ impl ScriptedDetector<'_> {
         })
     }
 
-    /// A thing where none need be, anywhere in the image, and not very sure.
+    /// A false alarm of an object, anywhere in the image, with a low score.
     fn false_thing(&self) -> Option<ScriptedDetection> {
         let mut rng = self.stream(FALSE_THINGS, self.index);
         if !rng.chance(self.noise.false_alarm) {
@@ -365,7 +363,7 @@ impl ScriptedDetector<'_> {
         })
     }
 
-    /// A person where nobody need be, anywhere in the image and of any size that people have in it, and not very sure.
+    /// A false alarm of a person, anywhere in the image and of any usual size, with a low score.
     fn false_alarm(&self) -> Option<ScriptedDetection> {
         let mut rng = self.stream(FALSE_ALARMS, self.index);
         if !rng.chance(self.noise.false_alarm) {

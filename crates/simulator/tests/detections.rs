@@ -1,4 +1,4 @@
-//! What the simulated detector finds.
+//! The simulated detector.
 
 use super::people::simulator;
 use stillpoint_simulator::DetectionNoise;
@@ -37,7 +37,7 @@ fn detections_miss_jitter_and_know_no_box() {
     let share = found / visible;
     assert!(visible > 300.0, "{visible}");
     assert!((share - 0.7).abs() < 0.07, "{share} of {visible} found");
-    // Borders at the image's edge are clipped, which hides part of the jitter.
+    // Borders are clipped at the image's edge, which hides part of the jitter.
     let jitter = f64::sqrt(off / n);
     assert!((2.4..4.3).contains(&jitter), "{jitter} px");
 }
@@ -63,7 +63,7 @@ fn bursts_hide_a_person_for_their_length() {
     for index in 0..150 {
         let truth = sim.detections(index, &exact);
         let found = sim.detections(index, &noise);
-        // What is found is found as it would be without bursts.
+        // Other detections equal those without bursts.
         assert!(found.iter().all(|row| truth.contains(row)), "frame {index}");
         seen += truth.len();
         for b in sim.truth(index).boxes {
@@ -124,7 +124,7 @@ fn furniture_is_found_where_it_stands() {
             assert_eq!((a.class, a.x0, a.y1), (b.class, b.x0, b.y1));
             classes.insert(b.class);
         }
-        // People are found as they were.
+        // Detections of people are unchanged.
         let people = DetectionNoise {
             things: false,
             ..noise
@@ -137,7 +137,7 @@ fn furniture_is_found_where_it_stands() {
     }
 }
 
-/// In a scene in which nothing moves, in one with people, and in one with furniture that is carried.
+/// In a static scene, in one with people, and in one with carried furniture.
 #[test]
 fn what_moves_is_the_truth_without_the_things() {
     for scene in ["xyz", "walking_xyz", "chair_carried"] {
@@ -189,7 +189,7 @@ fn exact_detections_are_the_truth() {
     assert_ne!(counts(&other), counts(&DetectionNoise { seed: 5, ..other }));
 }
 
-/// The corners of the true box contain what is seen of a thing, and touch it where all of it is seen.
+/// The corners of the true box contain the visible part of an object, and touch it if it is completely visible.
 #[test]
 fn true_boxes_hold_what_is_seen() {
     use stillpoint_geometry::{Se3, Vec2, Vec3};
@@ -265,7 +265,7 @@ fn things_are_seen_where_there_are_none_and_missed_in_bursts() {
     assert!(some < all && some > all / 4, "{some} of {all}");
 }
 
-/// It stands until it is lifted, is found before and after, and is not where it stood any more.
+/// It stands until it is lifted, is detected before and after, and leaves its place.
 #[test]
 fn the_chair_is_carried_away() {
     let sim = simulator("chair_carried", |_| ());
@@ -306,7 +306,7 @@ fn the_chair_is_carried_away() {
     );
 }
 
-/// Cameras that send light see nothing of what is black and far.
+/// Active depth cameras do not measure black and distant surfaces.
 #[test]
 fn pixels_of_things_have_depth_or_not() {
     let sim = simulator("walking_xyz", |_| ());
@@ -314,7 +314,7 @@ fn pixels_of_things_have_depth_or_not() {
     let (measured, all) = (sim.depth_px(60), exact.depth_px(60));
     let sum = |counts: &[[usize; 2]], k: usize| counts.iter().map(|c| c[k]).sum::<usize>();
     assert!(sum(&all, 0) > 5000 && sum(&all, 0) == sum(&all, 1));
-    // The same pixels are in sight, and some of them have no depth.
+    // The same pixels are visible, and some of them have no depth.
     assert_eq!(sum(&measured, 0), sum(&all, 0));
     let with = sum(&measured, 1);
     assert!(with > sum(&all, 0) / 3 && with < sum(&all, 0), "{with}");

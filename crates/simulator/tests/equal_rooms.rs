@@ -1,4 +1,4 @@
-//! Two rooms that look the same: what tempts a place recogniser, and that only the true pose tells them apart.
+//! The two equal rooms look the same to a place recogniser, and only the true pose distinguishes them.
 
 use stillpoint_features::{Features, OrbConfig, OrbExtractor, match_brute_force};
 use stillpoint_geometry::{Se3, Vec2, Vec3, so3};
@@ -25,17 +25,16 @@ fn pose(sim: &Simulator, index: usize) -> Se3 {
     sim.world_from_camera(sim.stamp(index))
 }
 
-/// How far from each other two frames are: m and degrees.
+/// Distance of two frames: m and degrees.
 fn apart(sim: &Simulator, a: usize, b: usize) -> [f64; 2] {
     let relative = pose(sim, a).inverse() * pose(sim, b);
     let turn = so3::log(&relative.rotation).norm().to_degrees();
     [relative.translation.norm(), turn]
 }
 
-/// Two frames compared by their descriptors alone.
 struct Compared {
     matches: usize,
-    /// How many of the matches that have depth are within 4 px of where `b_from_a` takes them.
+    /// Number of matches with depth that are within 4 px of their position by `b_from_a`.
     agree: usize,
     with_depth: usize,
 }
@@ -81,7 +80,7 @@ fn the_same_place_of_the_other_room_is_a_perfect_false_loop() {
         let to_other = Se3::new(so3::exp(&Vec3::zeros()), Vec3::new(SHIFT, 0.0, 0.0));
         for index in TOUR {
             let (one, other) = (pose(&sim, index), pose(&sim, index + HALF));
-            // What a recogniser would believe: that the second camera stands in the first room.
+            // The false belief: the second camera is in the first room.
             let believed = (to_other.inverse() * other).inverse() * one;
             let found = compare(&sim, index, index + HALF, &believed);
             let share = found.agree as f64 / found.with_depth as f64;
@@ -104,7 +103,7 @@ fn the_same_place_of_the_other_room_is_a_perfect_false_loop() {
 
 #[test]
 fn the_rooms_of_the_other_scene_are_no_such_temptation() {
-    // Control: the same measure, over places of the two rooms that lie opposite of each other on the walk, and as many frames apart.
+    // Control: the same measure for opposite places of the two different rooms, as many frames apart.
     let sim = simulator("loop_two_rooms", 0);
     for index in [300, 400, 500] {
         let b_from_a = pose(&sim, index + HALF).inverse() * pose(&sim, index);
@@ -132,10 +131,10 @@ fn one_walk_never_returns_and_the_other_one_does() {
         let again = (a + 150..once.len()).find(|&b| near(&once, a, b));
         assert_eq!(again, None, "frame {a} is seen again");
     }
-    // It ends in the second room, having gone about the desks as in the first one.
+    // It ends in the second room, after the same tour of the desks.
     let last = pose(&once, once.len() - 1).translation;
     assert!(last.x > SHIFT - 2.0 && last.y > 0.5, "{last:?}");
-    // The longer walk meets its own beginning, to some centimetres, after it was in both rooms.
+    // The longer walk meets its own beginning, to some centimetres, after both rooms.
     for a in [0, 60, 120] {
         assert!(
             near(&back, a, a + 2 * HALF),
@@ -159,7 +158,7 @@ fn the_walk_keeps_clear_of_everything() {
         let depth = sim.depth(index);
         let nearest = depth.data().iter().fold(f32::INFINITY, |a, b| a.min(*b));
         assert!(nearest > 0.3, "frame {index}: {nearest} m");
-        // Every ray ends at something: the rooms are closed.
+        // Every ray ends at a surface: the rooms are closed.
         assert!(
             depth.data().iter().all(|z| *z > 0.0 && *z < 14.0),
             "frame {index}"

@@ -1,4 +1,4 @@
-//! Exactness: what one frame shows is where another frame's depth and pose say it is.
+//! Exactness: frames agree under warping by depth and pose.
 
 use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec2};
 use stillpoint_imaging::{DepthImage, GrayImage};
@@ -32,7 +32,7 @@ fn with_camera(scene: &str, camera: Camera) -> Simulator {
     .expect("a scene that exists")
 }
 
-/// Visits the pixels of frame `i` that frame `j` must see too: their pixel there and their depth there.
+/// Visits the pixels of frame `i` that frame `j` must see too, with their pixel and depth there.
 fn warp(
     camera: &Camera,
     depth: &DepthImage,
@@ -42,7 +42,7 @@ fn warp(
     for v in (4..476).step_by(3) {
         for u in (4..636).step_by(3) {
             let z = f64::from(depth.at(u, v));
-            // Only inside faces: second differences of 1 / z vanish there.
+            // Only inside faces, where second differences of 1 / z vanish.
             let w = |x: usize, y: usize| 1.0 / f64::from(depth.at(x, y));
             let bend = (w(u - 3, v) + w(u + 3, v) - 2.0 / z).abs()
                 + (w(u, v - 3) + w(u, v + 3) - 2.0 / z).abs();
@@ -88,7 +88,7 @@ fn depth_of_one_frame_lands_on_the_depth_of_another() {
             nearer += usize::from(error < -2e-4);
         });
         assert!(seen > 15_000, "{scene}: {seen}");
-        // What is not equal must be hidden by something nearer (or lie on an edge there), but for stray pixels.
+        // Different pixels must be occluded (or on an edge), except for a few.
         assert!(equal * 100 > seen * 85, "{scene}: {equal} of {seen}");
         assert!(
             seen - equal - nearer < seen / 50,
@@ -160,8 +160,8 @@ fn depth_is_rendered_at_its_own_stamp() {
     let sim = Simulator::new(&config).unwrap();
     let frame = sim.frame(30);
     assert!(frame.depth_stamp - frame.stamp > 0.004 && frame.depth_stamp - frame.stamp < 0.028);
-    // A depth image of another simulator whose colour stamp is that depth stamp's nearest frame cannot be had, so the
-    // depth is checked against a warp from the undelayed one with the exact motion in between.
+    // No other simulator has a colour frame at exactly that depth stamp, so the depth is compared with a warp of the undelayed one by the
+    // exact motion in between.
     let still = ideal("xyz");
     let motion =
         sim.world_from_camera(frame.depth_stamp).inverse() * sim.world_from_camera(frame.stamp);

@@ -1,4 +1,4 @@
-//! The hardest beginnings: a patterned coat seen from behind, and a fast pitch at people.
+//! The hardest beginnings: a patterned coat seen from behind, and a fast pitch towards people.
 
 use super::people::simulator;
 use stillpoint_geometry::so3;
@@ -25,7 +25,7 @@ const CIRCLE: [(isize, isize); 16] = [
     (-1, -3),
 ];
 
-/// Whether nine neighbours in a row on the circle are all brighter, or all darker, by 20.
+/// Whether nine consecutive neighbours on the circle are all brighter, or all darker, by 20.
 fn is_corner(image: &GrayImage, x: usize, y: usize) -> bool {
     let centre = i32::from(image.at(x, y));
     let differs = CIRCLE.map(|(dx, dy)| {

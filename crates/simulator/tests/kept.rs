@@ -1,4 +1,4 @@
-//! Kept images: each is rendered once for all processes, and equals the image that is rendered without keeping.
+//! Cached images: each is rendered once for all processes, and equals the uncached image.
 
 use std::fs;
 use std::path::Path;
@@ -16,13 +16,13 @@ fn simulator(frames: usize) -> Simulator {
     Simulator::new(&config).unwrap()
 }
 
-/// Runs in processes of their own, with a folder for what is kept, and not otherwise.
+/// Runs only as a child process, with or without a cache folder.
 #[test]
 fn child_that_renders() {
     let Some(out) = std::env::var_os("STILLPOINT_TEST_CHILD") else {
         return;
     };
-    // Recordings of any length, and both ways to ask.
+    // Recordings of different lengths, and both functions.
     let (short, long) = (simulator(4), simulator(9));
     let frame = short.frame_with_colour(INDEX);
     assert_eq!(frame.gray, long.frame(INDEX).gray);
@@ -32,7 +32,7 @@ fn child_that_renders() {
     fs::write(out, bytes).unwrap();
 }
 
-/// A process that renders; what it got.
+/// Runs a rendering process; returns its images.
 fn child(scenes: Option<&Path>) -> Vec<u8> {
     let out = tempfile::NamedTempFile::new().unwrap();
     let mut command = Command::new(std::env::current_exe().unwrap());
@@ -47,7 +47,7 @@ fn child(scenes: Option<&Path>) -> Vec<u8> {
     fs::read(out.path()).unwrap()
 }
 
-/// Whether the gate accepts what was rendered.
+/// Whether the CI gate accepts the rendered images.
 fn gate_accepts(scenes: &Path) -> bool {
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../../.ci/twice");
     let mut command = Command::new("bash");
@@ -74,7 +74,7 @@ fn an_image_is_rendered_once_by_all_processes_together() {
     let rendered = || fs::read_to_string(scenes.join("rendered")).unwrap();
     assert_eq!(rendered().lines().count(), 2, "{}", rendered());
     assert!(gate_accepts(scenes));
-    // Control: one that is lost is rendered again, which is noticed.
+    // Control: a lost image is rendered again, which is detected.
     let folders = fs::read_dir(scenes).unwrap().map(|e| e.unwrap().path());
     let folder = folders.into_iter().find(|path| path.is_dir()).unwrap();
     fs::remove_file(folder.join(format!("{INDEX}.colour"))).unwrap();

@@ -1,6 +1,6 @@
 //! Rooms, people and the camera that looks at them.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::unwrap_used)] // Clippy does not recognise helpers as tests.
 
 mod detections;
 mod equal_rooms;

@@ -23,7 +23,7 @@ pub(crate) fn simulator(scene: &str, change: impl Fn(&mut SimulatorConfig)) -> S
     Simulator::new(&config).expect("a known scene")
 }
 
-/// A quarter of the pixels, for tests that look at many frames.
+/// A quarter of the pixels, for tests with many frames.
 fn small(config: &mut SimulatorConfig) {
     config.camera = Camera::pinhole(320, 240, [267.5, 267.5, 159.5, 119.5]);
 }
@@ -93,7 +93,7 @@ fn masks_follow_the_lens() {
     check_depth(&sim, 100);
 }
 
-/// Depth at the colour stamp jumps where the mask does: movers stand out from what is behind them.
+/// Depth at the colour stamp jumps at mask borders: movers are separated from the background.
 fn check_depth(sim: &Simulator, index: usize) {
     let (truth, depth) = (sim.truth(index), sim.depth(index));
     let (mut edges, mut jumps) = (0, 0);
@@ -139,7 +139,7 @@ fn truth_and_detections_do_not_depend_on_the_sensor() {
     assert_ne!(noisy.truth(30).mask, noisy.truth(90).mask);
 }
 
-/// Mean and greatest share of the image that movers cover.
+/// Mean and maximum share of the image covered by movers.
 fn cover(scene: &str, seed: u64) -> [f64; 2] {
     let sim = simulator(scene, |c| {
         small(c);
@@ -150,7 +150,7 @@ fn cover(scene: &str, seed: u64) -> [f64; 2] {
     [shares.iter().sum::<f64>() / shares.len() as f64, greatest]
 }
 
-/// It takes long: six whole scenes, each with two seeds.
+/// Takes long: six whole scenes, each with two seeds.
 #[test]
 fn people_cover_as_much_of_the_image_as_the_manual_says() {
     for seed in [0, 7] {
@@ -228,15 +228,13 @@ fn misspelt_scenes_with_people_are_understood() {
     ));
 }
 
-/// FNV-1a, 64 bits.
 fn checksum(bytes: impl Iterator<Item = u8>) -> u64 {
     bytes.fold(0xcbf2_9ce4_8422_2325, |h, b| {
         (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
     })
 }
 
-/// Every machine must render these bytes: grey image, depth, mask. After an intended change of people or scenes,
-/// write down the new sums.
+/// Every machine must render these bytes: grey image, depth, mask. After an intended change of people or scenes, update the checksums.
 #[test]
 fn frames_with_people_are_the_same_bits_on_every_machine() {
     let sums = WITH_PEOPLE.map(|scene| {
@@ -296,7 +294,7 @@ fn a_scene_takes_as_long_at_any_rate() {
     };
     let (slow, fast) = (at(15.0).unwrap(), at(60.0).unwrap());
     assert_eq!(4 * slow.len(), fast.len());
-    // The same moment is the same picture.
+    // The same time gives the same image.
     assert_eq!(slow.stamp(30), fast.stamp(120));
     assert_eq!(slow.truth(30), fast.truth(120));
     for rate in [0.9, 1001.0, f64::NAN] {

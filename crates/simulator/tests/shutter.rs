@@ -1,4 +1,4 @@
-//! Scenes with a shutter: what stays as it was, how fast they turn, and who stands before the camera.
+//! Scenes with a shutter: unchanged scenes, turn rates, and people before the camera.
 
 use stillpoint_geometry::{Camera, Vec3, so3};
 use stillpoint_simulator::{
@@ -102,7 +102,7 @@ fn the_mask_follows_the_rows_of_the_colour_image() {
         };
         Simulator::new(&config).unwrap()
     };
-    // The first row is exposed half a readout before the stamp, which is when the same frame of an earlier stamp has it.
+    // The first row is exposed half a readout before the stamp, like the same row of an earlier global frame.
     let (rolling, global) = (with(0.02), with(0.0));
     let (a, b) = (rolling.truth(20), global.truth(20));
     let row = |mask: &stillpoint_imaging::GrayImage, y: usize| mask.row(y).to_vec();
@@ -157,7 +157,7 @@ fn crowds_stand_before_the_camera_from_the_first_frame_on() {
             }
             let mean = covers.iter().sum::<f64>() / covers.len() as f64;
             println!("{scene} {seed}: {covers:.2?}");
-            // One may hide the other for a moment, and a fast turn looks away from both.
+            // One may occlude the other for a moment, and a fast turn may lose sight of both.
             assert!(
                 (0.4..0.6).contains(&covers[0]),
                 "{scene} {seed}: {covers:?}"

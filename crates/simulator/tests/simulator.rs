@@ -104,7 +104,7 @@ fn an_unknown_scene_is_an_error_that_names_the_nearest() {
     );
 }
 
-/// All lengths in proportion: the same ideal images, and depths, poses and movers' velocities so many times as long.
+/// Scaling lengths keeps ideal images, and scales depths, poses and movers' velocities.
 #[test]
 fn a_scene_can_be_of_any_size() {
     let at = |scale| {
@@ -149,7 +149,7 @@ fn a_camera_out_of_range_is_an_error() {
     }
 }
 
-/// Mean and greatest speed (m/s) and turn rate (deg/s), from poses a millisecond apart; checks that neither jumps.
+/// Mean and maximum speed (m/s) and turn rate (deg/s), from poses a millisecond apart; checks that neither jumps.
 fn speeds(sim: &Simulator) -> [[f64; 2]; 2] {
     let duration = sim.len() as f64 / 30.0;
     let (mut sum, mut greatest, mut n) = ([0.0; 2], [0.0_f64; 2], 0.0);
@@ -195,7 +195,7 @@ fn speeds_are_those_of_hand_held_recordings() {
         assert!(top_rate < peaks[1], "{scene}: up to {top_rate} deg/s");
     };
     check("xyz", [0.15, 0.4], [0.5, 12.0], [0.7, 25.0]);
-    // Twice as fast by its jolts alone, and no more turned.
+    // Twice as fast by its jolts alone, with the same rotation.
     check("xyz_jolting", [0.35, 0.6], [0.5, 12.0], [1.2, 25.0]);
     check("rpy", [0.005, 0.1], [15.0, 60.0], [0.15, 110.0]);
     check("halfsphere", [0.15, 0.7], [10.0, 40.0], [1.0, 70.0]);
@@ -228,7 +228,7 @@ fn the_loop_is_long_passes_both_rooms_and_closes() {
     let start = &poses[0].1;
     assert!(poses.iter().any(|(_, p)| p.translation.x > 3.0));
     assert!(poses.iter().any(|(_, p)| p.translation.x < -3.0));
-    // The start is seen again, from the same side, after a long way, and only then.
+    // The start is revisited from the same side only after a long way.
     let back: Vec<usize> = (0..poses.len())
         .filter(|&i| {
             let relative = start.inverse() * poses[i].1;
@@ -277,14 +277,13 @@ fn recorded_depth_has_the_noise_range_and_holes_of_a_kinect() {
     }
 }
 
-/// FNV-1a, 64 bits.
 fn checksum(bytes: impl Iterator<Item = u8>) -> u64 {
     bytes.fold(0xcbf2_9ce4_8422_2325, |h, b| {
         (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
     })
 }
 
-/// Every machine must render these bytes. After an intended change of scenes or sensor, write down the new sums.
+/// Every machine must render these bytes. After an intended change of scenes or sensor, update the checksums.
 #[test]
 fn frames_are_the_same_bits_on_every_machine() {
     let sums = [("xyz", 17), ("loop_two_rooms", 700)].map(|(scene, index)| {

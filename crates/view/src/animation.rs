@@ -1,8 +1,8 @@
-//! Animations as GIF.
+//! GIF animations.
 //!
-//! GIF, because every browser, viewer, editor and messenger plays it; of APNG many show the first frame only. What it costs, a
-//! palette of 256 colours, is made up for by a palette of each frame's own ([`Palette`]), and what did not change since the
-//! frame before is not written again, which keeps resting parts of the image from flickering and the file small.
+//! GIF plays in every browser, viewer, editor and messenger; many show only the first frame of an APNG. Each frame has its own palette of
+//! up to 255 colours ([`Palette`]), and unchanged pixels are not written again, which avoids flicker in static parts and keeps the file
+//! small.
 
 use crate::palette::Palette;
 use crate::{Picture, ViewError};
@@ -10,20 +10,20 @@ use gif::{DisposalMethod, Encoder, Frame, Repeat};
 use std::borrow::Cow;
 use std::io::Write;
 
-/// How an animation is made of the frames that are pushed.
+/// Settings of an animation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AnimationOptions {
-    /// Every how many frames one is shown; 0 counts as 1.
+    /// Shows every n-th frame; 0 counts as 1.
     pub every: usize,
-    /// Half width and height: a quarter of the file.
+    /// Halves width and height: a quarter of the file.
     pub halve: bool,
-    /// Frames that are pushed per second of the recording; the animation runs at the recording's speed. Shown frames last at
-    /// least 20 ms, below which browsers slow down.
+    /// Pushed frames per second of the recording; playback is in real time. Shown frames last at least 20 ms, below which browsers slow
+    /// down.
     pub frames_per_second: f64,
 }
 
 impl Default for AnimationOptions {
-    /// A third of the frames of a 30 Hz camera, at half size: ten a second look smooth enough.
+    /// A third of the frames of a 30 Hz camera, at half size: ten per second look smooth enough.
     fn default() -> Self {
         Self {
             every: 3,
@@ -33,28 +33,25 @@ impl Default for AnimationOptions {
     }
 }
 
-/// Writes a GIF frame by frame; holds one frame at a time. It repeats forever.
+/// Writes an endless GIF frame by frame; holds one frame at a time.
 pub struct Animation<W: Write> {
     file: File<W>,
     options: AnimationOptions,
     pushed: usize,
-    /// Width and height of the pushed pictures.
     size: Option<(usize, usize)>,
-    /// What a viewer shows now, RGB.
     shown: Vec<u8>,
     written: u32,
 }
 
-/// The size of the first frame is in the header.
+/// Created with the first frame, whose size is in the header.
 enum File<W: Write> {
     Waiting(W),
     Begun(Encoder<W>),
-    /// The header could not be written.
     Failed,
 }
 
 impl<W: Write> Animation<W> {
-    /// Begins an animation. Nothing is written before the first frame.
+    /// Starts an animation. Nothing is written before the first frame.
     pub fn new(sink: W, options: AnimationOptions) -> Self {
         Self {
             file: File::Waiting(sink),
@@ -66,10 +63,10 @@ impl<W: Write> Animation<W> {
         }
     }
 
-    /// Takes the next frame of the recording, and writes it if it is one that is shown.
+    /// Adds a frame of the recording, and writes it if it is shown.
     ///
     /// # Errors
-    /// Any [`ViewError`] but [`ViewError::NoFrames`]; sizes are compared for frames that are not shown too.
+    /// Any [`ViewError`] but [`ViewError::NoFrames`]; sizes are checked for skipped frames too.
     pub fn push(&mut self, picture: &Picture) -> Result<(), ViewError> {
         let found = (picture.width(), picture.height());
         if let Some(expected) = self.size
@@ -114,7 +111,6 @@ impl<W: Write> Animation<W> {
         Ok(())
     }
 
-    /// Writes the header, once.
     fn begin(&mut self, width: u16, height: u16) -> Result<(), ViewError> {
         self.file = match std::mem::replace(&mut self.file, File::Failed) {
             File::Waiting(sink) => {
@@ -127,21 +123,21 @@ impl<W: Write> Animation<W> {
         Ok(())
     }
 
-    /// How long the next frame is shown, in hundredths of a second. What rounding takes from one frame the next ones get.
+    /// Duration of the next frame, in hundredths of a second; rounding errors do not accumulate.
     fn delay(&self) -> u16 {
         let hundredths = 100.0 * self.options.every.max(1) as f64 / self.options.frames_per_second;
         let until = |frames: u32| (f64::from(frames) * hundredths).round();
-        // The cast saturates, and makes 0 of what is no number.
+        // The cast saturates, and turns NaN to 0.
         ((until(self.written + 1) - until(self.written)) as u16).max(2)
     }
 
-    /// Frames written so far.
+    /// Number of written frames.
     #[must_use]
     pub fn frames(&self) -> u32 {
         self.written
     }
 
-    /// Ends the file and gives the sink back, at the file's end.
+    /// Completes the file and returns the sink.
     ///
     /// # Errors
     /// [`ViewError::NoFrames`], [`ViewError::Write`].
@@ -153,7 +149,6 @@ impl<W: Write> Animation<W> {
     }
 }
 
-/// Width and height as GIF holds them.
 fn size(picture: &Picture) -> Result<(u16, u16), ViewError> {
     let (w, h) = (picture.width(), picture.height());
     match (u16::try_from(w), u16::try_from(h)) {

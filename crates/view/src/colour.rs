@@ -1,39 +1,39 @@
-//! Colours with a meaning, the same in every picture.
+//! Colours by meaning, equal in all images.
 //!
-//! Three families that do not meet: what is static is green, what was rejected has a warm colour, objects have cool ones. Warm
-//! and cool stay apart for people who cannot tell red from green, and static features differ from rejected ones in shape too.
+//! Static features are green, rejected ones warm, objects cool. Warm and cool stay distinguishable for people with red-green colour
+//! blindness, and static and rejected features also differ in shape.
 
 /// An RGB colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Colour(pub u8, pub u8, pub u8);
 
 impl Colour {
-    /// Paper.
+    /// White.
     pub const WHITE: Self = Self(255, 255, 255);
-    /// Ink.
+    /// Black.
     pub const BLACK: Self = Self(0, 0, 0);
-    /// A feature that is static: used for the pose.
+    /// A static feature, used for the pose.
     pub const STATIC: Self = Self(30, 200, 110);
-    /// A feature that nothing was decided about, or that was not used.
+    /// An undecided or unused feature.
     pub const UNUSED: Self = Self(150, 158, 170);
-    /// Rejected for the object it lies on.
+    /// Rejected by its object.
     pub const SEMANTIC: Self = Self(238, 52, 28);
-    /// Rejected for its distance from the epipolar line.
+    /// Rejected by its distance from the epipolar line.
     pub const EPIPOLAR: Self = Self(255, 232, 40);
-    /// Rejected for its depth.
+    /// Rejected by its depth.
     pub const DEPTH: Self = Self(255, 214, 168);
-    /// Rejected because its motion is not that of the rigid scene.
+    /// Rejected because its motion differs from the rigid scene's.
     pub const RIGID: Self = Self(255, 150, 0);
-    /// Rejected for what its landmark did before.
+    /// Rejected by its landmark's history.
     pub const HISTORY: Self = Self(168, 92, 36);
-    /// A region of the image that moves: its tint and its border.
+    /// Tint and outline of a moving region.
     pub const REGION: Self = Self(238, 52, 28);
-    /// The ground of the lines under a picture.
+    /// Background of the lines under an image.
     pub const PANEL: Self = Self(20, 23, 28);
-    /// A thing that is not labelled: its frame.
+    /// Frame of an unlabelled object.
     pub const THING: Self = Self(196, 204, 214);
 
-    /// The colours of objects, from cyan over blue to purple, in an order in which neighbours differ clearly.
+    /// Colours of objects, from cyan over blue to purple, ordered so that neighbours differ clearly.
     pub(crate) const OBJECTS: [Self; 8] = [
         Self(56, 132, 255),
         Self(196, 150, 255),
@@ -45,8 +45,7 @@ impl Colour {
         Self(44, 76, 226),
     ];
 
-    /// The colour of an object: the same number always gets the same colour, and numbers that follow each other differ
-    /// clearly. None of them is green or warm, which are the colours of verdicts.
+    /// The colour of an object: constant per id, and clearly different for consecutive ids. Never green or warm, as verdicts are.
     #[must_use]
     pub fn of_number(number: u32) -> Self {
         Self::OBJECTS[number as usize % Self::OBJECTS.len()]
@@ -82,7 +81,7 @@ mod tests {
         (d(a.0, b.0) + d(a.1, b.1) + d(a.2, b.2)).sqrt()
     }
 
-    /// What people without the cones for long (0) or medium (1) wavelengths see. Source: Machado, Oliveira, Fernandes, A
+    /// The colour as seen without the cones for long (0) or medium (1) wavelengths. Source: Machado, Oliveira, Fernandes, A
     /// physiologically-based model for simulation of color vision deficiency, 2009, severity 1; applied to encoded values.
     fn seen(colour: Colour, missing: usize) -> Colour {
         const MATRICES: [[[f64; 3]; 3]; 2] = [
@@ -134,7 +133,7 @@ mod tests {
                 assert!(distance(*a, *b) > 60.0, "{a:?} {b:?}");
             }
         }
-        // What is static and what is rejected differ for those too who cannot tell red from green.
+        // Static and rejected features differ with red-green colour blindness too.
         for rejected in &VERDICTS[1..] {
             for missing in 0..2 {
                 let d = distance(seen(Colour::STATIC, missing), seen(*rejected, missing));

@@ -1,4 +1,4 @@
-//! Frames with what was found in them.
+//! Draws features, boxes and state over frames.
 
 use crate::overlay::{Mark, Overlay, OverlayBox};
 use crate::shapes::Line;
@@ -8,24 +8,24 @@ use stillpoint_imaging::RgbdFrame;
 
 /// Radius of the disc of a static feature, px.
 const STATIC_RADIUS: f32 = 1.9;
-/// Radius of the dot of a feature that was not used, px.
+/// Radius of the dot of an unused feature, px.
 const UNUSED_RADIUS: f32 = 1.25;
 /// Radius and width of the ring of a rejected feature, px.
 const RING: (f32, f32) = (3.7, 1.5);
 /// Radius of the dot in it, px.
 const DOT: f32 = 1.3;
-/// How far the dark edge reaches that makes marks stand out from bright images, px.
+/// Width of the dark edge around marks, for contrast with bright images, px.
 const EDGE: f32 = 0.9;
 
-/// Draws an overlay over a frame: its colour image where it has one, else the grey one. Badge and caption make the picture
-/// higher by a line, the legend by one or more.
+/// Draws an overlay over a frame: its colour image if present, else the grey one. Badge and caption add a line below the image, the legend
+/// one or more.
 #[must_use]
 pub fn draw(frame: &RgbdFrame, overlay: &Overlay<'_>) -> Picture {
     let mut picture = Picture::from_frame(frame);
     if let Some(mask) = overlay.region {
         shapes::region(&mut picture, mask, (shapes::TINT, shapes::OUTLINE));
     }
-    // What matters more is drawn later.
+    // More important marks are drawn later.
     let rank = |mark: &Mark| match mark {
         Mark::Unused => 0,
         Mark::Static => 1,
@@ -40,7 +40,7 @@ pub fn draw(frame: &RgbdFrame, overlay: &Overlay<'_>) -> Picture {
     panel::with_panel(picture, overlay)
 }
 
-/// A feature's mark, `zoom` times as large as in an image.
+/// Draws a feature's mark, magnified by `zoom`.
 pub(crate) fn draw_mark(picture: &mut Picture, at: (f32, f32), mark: Mark, zoom: f32) {
     match mark {
         Mark::Static => {
@@ -58,16 +58,16 @@ pub(crate) fn draw_mark(picture: &mut Picture, at: (f32, f32), mark: Mark, zoom:
     }
 }
 
-/// Corners further out than this are drawn as if they lay there, px; no image is that large.
+/// Limit of box corners, px; no image is that large.
 const FAR: f64 = 1e6;
 
-/// First and last pixel (exclusive) of something in both directions.
+/// First and last pixel (exclusive) in both directions.
 type Rectangle = ((i64, i64), (i64, i64));
 
-/// First the frames, then the labels, so that no frame crosses a label. Labels stay clear of each other where they can.
+/// Draws all frames, then the labels, so that no frame crosses a label. Labels avoid each other where possible.
 fn draw_boxes(picture: &mut Picture, boxes: &[OverlayBox]) {
     let text = Text::for_width(picture.width());
-    // The last boxes matter most: they choose the places of their labels first.
+    // The last boxes matter most: their labels are placed first.
     let visible: Vec<_> = boxes
         .iter()
         .filter_map(|b| Some((b, pixels_of(b, picture)?)))
@@ -89,7 +89,7 @@ fn draw_boxes(picture: &mut Picture, boxes: &[OverlayBox]) {
     }
 }
 
-/// The pixels of a box; none where it has no area in the picture.
+/// The pixels of a box; `None` if it has no area in the image.
 fn pixels_of(object: &OverlayBox, picture: &Picture) -> Option<Rectangle> {
     let b = &object.bounds;
     if ![b.x0, b.y0, b.x1, b.y1].iter().all(|c| c.is_finite()) {
@@ -119,7 +119,7 @@ fn draw_frame(
         shapes::frame(picture, from, to, line(1, 0.55), Colour::THING);
         return;
     }
-    // A dark line inside the coloured one keeps it visible on whatever is behind.
+    // A dark line inside the coloured one gives contrast on any background.
     let width = text.space(0.12);
     let inner = |(x, y): (i64, i64), by: i64| (x + by, y + by);
     let by = width as i64;
@@ -133,8 +133,8 @@ fn draw_frame(
     shapes::frame(picture, from, to, line(width, 1.0), object.colour);
 }
 
-/// Where a label of a size stands: above its box, or else inside at the top, below, inside at the bottom: the first of these
-/// that is within the picture and clear of other labels; inside at the top where none is.
+/// Position of a label: above its box, inside at the top, below, or inside at the bottom: the first that is inside of the image and
+/// overlaps no other label; otherwise inside at the top.
 fn place(
     ((x0, y0), (x1, y1)): Rectangle,
     (wide, high): (i64, i64),
@@ -163,7 +163,7 @@ fn place(
     choices.into_iter().find(|c| free(c)).unwrap_or(top)
 }
 
-/// Two pictures beside each other, each under its title.
+/// Two images side by side, with titles.
 #[must_use]
 pub fn side_by_side(left: &Picture, right: &Picture, titles: [&str; 2]) -> Picture {
     let text = Text::for_width(left.width().max(right.width())).scaled(1.15);

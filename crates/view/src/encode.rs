@@ -1,4 +1,4 @@
-//! Pictures as PNG, JPEG and WebP.
+//! Encodes images as PNG, JPEG and WebP.
 
 use crate::{Picture, ViewError};
 use jpeg_encoder::{ColorType, Encoder};
@@ -6,10 +6,10 @@ use std::io::Write;
 use stillpoint_imaging::GrayImage;
 use webp::WebPConfig;
 
-/// Writes a picture as PNG, 8 bits per channel.
+/// Writes an image as PNG, 8 bits per channel.
 ///
 /// # Errors
-/// [`ViewError::Empty`], [`ViewError::Encode`] (which also tells of a sink that fails).
+/// [`ViewError::Empty`], [`ViewError::Encode`] (also for a failing sink).
 pub fn write_png<W: Write>(picture: &Picture, sink: W) -> Result<(), ViewError> {
     let (width, height) = size(picture.width(), picture.height())?;
     let mut encoder = png::Encoder::new(sink, width, height);
@@ -22,16 +22,16 @@ pub fn write_png<W: Write>(picture: &Picture, sink: W) -> Result<(), ViewError> 
     Ok(())
 }
 
-/// Writes a picture as JPEG; `quality` is 1 to 100 percent.
+/// Writes an image as JPEG; `quality` is 1 to 100 percent.
 ///
 /// # Errors
-/// [`ViewError::Empty`], also for what is larger than JPEG holds; [`ViewError::Write`].
+/// [`ViewError::Empty`], also beyond JPEG's size limit; [`ViewError::Write`].
 pub fn write_jpeg<W: Write>(picture: &Picture, quality: u8, mut sink: W) -> Result<(), ViewError> {
     let (w, h) = (picture.width(), picture.height());
     let (Ok(width @ 1..), Ok(height @ 1..)) = (u16::try_from(w), u16::try_from(h)) else {
         return Err(ViewError::Empty(w, h));
     };
-    // The encoder compiles to a third of a megabyte for every kind of sink, so there is one.
+    // A single instantiation of the encoder: each takes a third of a megabyte of code.
     let mut jpeg = Vec::new();
     let encoder = Encoder::new(&mut jpeg, quality.clamp(1, 100));
     encoder
@@ -40,7 +40,7 @@ pub fn write_jpeg<W: Write>(picture: &Picture, quality: u8, mut sink: W) -> Resu
     sink.write_all(&jpeg).map_err(ViewError::Write)
 }
 
-/// Pixels of three channels as WebP, of a quality in percent and with a method (0 to 6: the higher, the slower and smaller).
+/// RGB pixels as WebP, with quality in percent and method (0 to 6: higher is slower and smaller).
 pub(crate) fn webp(
     pixels: &[u8],
     (w, h): (usize, usize),
@@ -56,10 +56,10 @@ pub(crate) fn webp(
     Ok(bytes.to_vec())
 }
 
-/// Writes a mask or another grey image as PNG of 8 bits, value by value.
+/// Writes a grey image as 8-bit PNG, values unchanged.
 ///
 /// # Errors
-/// [`ViewError::Empty`], [`ViewError::Encode`] (which also tells of a sink that fails).
+/// [`ViewError::Empty`], [`ViewError::Encode`] (also for a failing sink).
 pub fn write_mask<W: Write>(mask: &GrayImage, sink: W) -> Result<(), ViewError> {
     let (width, height) = size(mask.width(), mask.height())?;
     let mut encoder = png::Encoder::new(sink, width, height);
@@ -71,7 +71,6 @@ pub fn write_mask<W: Write>(mask: &GrayImage, sink: W) -> Result<(), ViewError> 
     Ok(())
 }
 
-/// Width and height as PNG holds them.
 fn size(w: usize, h: usize) -> Result<(u32, u32), ViewError> {
     match (u32::try_from(w), u32::try_from(h)) {
         (Ok(width), Ok(height)) if width > 0 && height > 0 => Ok((width, height)),

@@ -1,12 +1,12 @@
-//! What can go wrong: encoding and writing.
+//! Errors of encoding and writing.
 
-/// A picture could not be encoded or written.
+/// An image could not be encoded or written.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
-    /// A picture without pixels.
+    /// An image without pixels.
     #[error("expected a picture of at least 1 x 1 px, found {0} x {1}")]
     Empty(usize, usize),
-    /// A picture that an animation cannot hold.
+    /// An image too large for an animation.
     #[error("expected frames of an animation of at most 65535 x 65535 px, found {0} x {1}")]
     Large(usize, usize),
     /// Frames of an animation differ in size.
@@ -20,16 +20,16 @@ pub enum ViewError {
         /// Width and height of this one, px.
         found: (usize, usize),
     },
-    /// An animation was finished before its first frame.
+    /// An animation without frames was finished.
     #[error("expected an animation of at least one frame, found none")]
     NoFrames,
-    /// The encoder failed.
+    /// The PNG encoder failed.
     #[error("expected to encode the picture as PNG, found: {0}")]
     Encode(#[from] png::EncodingError),
-    /// The encoder of animations failed.
+    /// The GIF encoder failed.
     #[error("expected to encode the animation as GIF, found: {0}")]
     Animate(#[from] gif::EncodingError),
-    /// The encoder of animated WebP failed.
+    /// The WebP encoder failed.
     #[error("expected to encode the pictures as WebP, found: {0}")]
     Webp(String),
     /// Writing failed.

@@ -1,7 +1,6 @@
-//! Pictures of what the system saw: features coloured by verdict, boxes of objects, regions that move, the state.
+//! Draws frames with the system's results: features by verdict, object boxes, moving regions, and the state.
 //!
-//! Answers: how a frame looks with what was found in it drawn over it. Takes plain data ([`Overlay`]) and gives pixels;
-//! decides nothing, reads no files, and nothing that it draws goes back into the system.
+//! Converts plain data ([`Overlay`]) to pixels; it makes no decisions, reads no files, and does not influence the system.
 //!
 //! ```
 //! use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};

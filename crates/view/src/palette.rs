@@ -1,37 +1,34 @@
-//! The 255 colours that stand for a picture, and what of it has to be redrawn.
+//! Palettes of 255 colours for images, and the pixels to redraw.
 //!
-//! Colours are split where that takes most off the squared error (Wu, Efficient statistical computations for optimal color
-//! quantization, 1991, here over the list of colours that occur), and then moved to the means of what they stand for (Lloyd).
+//! Groups of colours are split where that reduces the squared error most (Wu, Efficient statistical computations for optimal color
+//! quantization, 1991, here over the list of colours that occur), and then refined by Lloyd's algorithm.
 
 use crate::Picture;
 
-/// Bits of a channel by which colours are distinguished: finer ones make no difference that can be seen.
+/// Bits per channel by which colours are distinguished: finer differences are invisible.
 const BITS: u32 = 6;
 const LEVELS: usize = 1 << (3 * BITS);
-/// Colours of a palette; the last index of 256 stands for what did not change.
+/// Colours of a palette; the last index of 256 marks unchanged pixels.
 const COLOURS: usize = 255;
-/// A pixel that differs by no more than this in each channel from what is shown keeps it: below the noise of most cameras.
+/// Maximum difference per channel at which a pixel counts as unchanged: below the noise of most cameras.
 const SAME: u8 = 9;
-/// Times that the colours are moved to the means of what they stand for: two take most of the error that there is to take.
+/// Lloyd iterations: two achieve most of the improvement.
 const ROUNDS: usize = 2;
 
-/// A colour that occurs, and how much it counts.
+/// A colour that occurs, and its weight.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     rgb: [f32; 3],
     weight: f32,
 }
 
-/// The colours of a picture.
 pub(crate) struct Palette {
     colours: Vec<[f32; 3]>,
 }
 
 impl Palette {
-    /// The index of what did not change.
     pub(crate) const UNCHANGED: u8 = COLOURS as u8;
 
-    /// The best palette for a picture.
     pub(crate) fn of(picture: &Picture) -> Self {
         let mut entries = entries(picture);
         let mut colours = split(&mut entries);
@@ -48,12 +45,11 @@ impl Palette {
         rgb
     }
 
-    /// The index of each pixel. `shown` is what a viewer shows before, and after: it is brought up to date; where it has another
-    /// size, all is drawn.
+    /// The index of each pixel. `shown` is the displayed image, which is updated; if its size differs, everything is drawn.
     pub(crate) fn indices(&self, picture: &Picture, shown: &mut Vec<u8>) -> Vec<u8> {
         let fresh = shown.len() != picture.data().len();
         shown.resize(picture.data().len(), 0);
-        // 0 is not looked up yet, else the index and 1.
+        // Cached palette index plus 1; 0 if not looked up yet.
         let mut found = vec![0u16; LEVELS];
         let pixels = picture
             .data()
@@ -96,8 +92,7 @@ fn key(rgb: &[u8]) -> usize {
         .fold(0, |key, v| key << BITS | usize::from(v >> (8 - BITS)))
 }
 
-/// The colours that occur, in a fixed order. Rare ones count for more than their share, or a few marks on a large wall would get no
-/// colour of their own.
+/// The colours that occur, in a fixed order. Rare ones get additional weight, or a few marks on a large wall would have no palette colour.
 fn entries(picture: &Picture) -> Vec<Entry> {
     let mut sums = vec![[0u32; 4]; LEVELS];
     for rgb in picture.data().chunks_exact(3) {
@@ -143,7 +138,7 @@ impl Moments {
         all
     }
 
-    /// Squared error of each channel when the mean stands for all.
+    /// Squared error of each channel when the mean represents all.
     fn errors(&self) -> [f64; 3] {
         [0, 1, 2]
             .map(|c| (self.squares[c] - self.sum[c] * self.sum[c] / self.weight.max(1e-9)).max(0.0))
@@ -189,7 +184,7 @@ fn split(entries: &mut [Entry]) -> Vec<[f32; 3]> {
     groups.iter().map(|(_, _, m)| m.mean()).collect()
 }
 
-/// Sorts a group along its widest channel; gives where to cut it, and the moments of what is before.
+/// Sorts a group along its widest channel; returns the cut, and the moments before it.
 fn best_cut(group: &mut [Entry], moments: &Moments) -> Option<(usize, Moments)> {
     let errors = moments.errors();
     let widest = (0..3).max_by(|a, b| errors[*a].total_cmp(&errors[*b]))?;
@@ -206,7 +201,7 @@ fn best_cut(group: &mut [Entry], moments: &Moments) -> Option<(usize, Moments)> 
     best.map(|(_, i, m)| (i, m))
 }
 
-/// Which of the colours is nearest; the first of equals.
+/// Index of the nearest colour; the first of equals.
 fn nearest(colours: &[[f32; 3]], rgb: [f32; 3]) -> usize {
     let mut best = (f32::INFINITY, 0);
     for (i, c) in colours.iter().enumerate() {
@@ -218,7 +213,7 @@ fn nearest(colours: &[[f32; 3]], rgb: [f32; 3]) -> usize {
     best.1
 }
 
-/// Each colour at the mean of the entries that it is nearest to.
+/// Moves each colour to the mean of its nearest entries.
 fn means(entries: &[Entry], colours: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let mut moments = vec![Moments::default(); colours.len()];
     for e in entries {

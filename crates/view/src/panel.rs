@@ -1,11 +1,10 @@
-//! The lines under a picture: state and legend.
+//! The lines under an image: state and legend.
 
 use crate::draw::draw_mark;
 use crate::overlay::{Mark, Overlay};
 use crate::text::Text;
 use crate::{Colour, Picture, shapes};
 
-/// What the marks mean, in the order of the legend.
 const LEGEND: [(Entry, &str); 8] = [
     (Entry::Mark(Mark::Static), "static"),
     (Entry::Word, "rejected for"),
@@ -17,19 +16,18 @@ const LEGEND: [(Entry, &str); 8] = [
     (Entry::Region, "moving region"),
 ];
 
-/// What the product is called.
 const NAME: &str = "Stillpoint";
 
-/// What a word of the legend stands beside.
+/// The sign before a word of the legend.
 #[derive(Clone, Copy)]
 enum Entry {
     Mark(Mark),
     Region,
-    /// Nothing: the entries after it belong to the word.
+    /// No sign: a heading for the following entries.
     Word,
 }
 
-/// The picture with what the overlay says under it.
+/// The image with the overlay's lines below.
 pub(crate) fn with_panel(picture: Picture, overlay: &Overlay<'_>) -> Picture {
     let text = Text::for_width(picture.width());
     let (width, mut y) = (picture.width(), picture.height());
@@ -80,7 +78,7 @@ fn draw_state(picture: &mut Picture, y: usize, text: Text, overlay: &Overlay<'_>
     sign(picture, (x + text.width(&words) + 2 * pad, y), text);
 }
 
-/// The product's mark and name at the right end of a line, where they have room behind what ends at `x`.
+/// Draws the product's mark and name at the right end of a line, if they fit behind `x`.
 fn sign(picture: &mut Picture, (x, y): (usize, usize), text: Text) {
     let small = text.scaled(0.9);
     let (mark, wide) = (small.space(1.2), small.width(NAME) + small.space(0.4));
@@ -99,7 +97,7 @@ fn sign(picture: &mut Picture, (x, y): (usize, usize), text: Text) {
 }
 
 impl Entry {
-    /// Room for the mark, px.
+    /// Width of the sign, px.
     fn room(self, text: Text) -> usize {
         match self {
             Self::Mark(_) | Self::Region => text.space(1.1),
@@ -107,7 +105,6 @@ impl Entry {
         }
     }
 
-    /// Space behind the words, px.
     fn gap(self, text: Text) -> usize {
         match self {
             Self::Mark(_) | Self::Region => text.space(0.65),
@@ -115,19 +112,18 @@ impl Entry {
         }
     }
 
-    /// Width with its words and the space behind them, px.
     fn width(self, text: Text, words: &str) -> usize {
         self.room(text) + text.width(words) + self.gap(text)
     }
 }
 
-/// The legend's entries, as many to a line as fit.
+/// The legend's entries, as many per line as fit.
 fn lines(text: Text, width: usize) -> Vec<Vec<(Entry, &'static str)>> {
     let room = width.saturating_sub(2 * text.space(0.4));
     let (mut lines, mut line, mut x) = (Vec::new(), Vec::new(), 0);
     for (entry, words) in LEGEND {
         let wide = entry.width(text, words);
-        // The space behind the last entry may be cut.
+        // The space after the last entry may be cut.
         if x > 0 && x + wide - entry.gap(text) > room {
             lines.push(std::mem::take(&mut line));
             x = 0;

@@ -1,9 +1,9 @@
-//! An RGB picture and the few ways to put something on it.
+//! An RGB image with basic drawing operations.
 
 use crate::Colour;
 use stillpoint_imaging::{ColourImage, GrayImage, RgbdFrame};
 
-/// An RGB picture of `height` x `width`. What is drawn outside of it is left out.
+/// An RGB image of `height` x `width`. Drawing is clipped to it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
     width: usize,
@@ -12,13 +12,13 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// A picture of one colour.
+    /// An image of one colour.
     ///
     /// # Panics
-    /// No memory holds a picture of this size.
+    /// Sizes beyond the available memory.
     #[must_use]
     pub fn new(width: usize, height: usize, colour: Colour) -> Self {
-        // A product that is too large for a number asks for more than there is, instead of for less than is meant.
+        // Saturates on overflow, so that an oversized allocation fails instead of being too small.
         let data = [colour.0, colour.1, colour.2].repeat(width.saturating_mul(height));
         Self {
             width,
@@ -36,7 +36,6 @@ impl Picture {
         }
     }
 
-    /// A copy of a colour image.
     #[must_use]
     pub(crate) fn from_colour(image: &ColourImage) -> Self {
         Self {
@@ -81,8 +80,7 @@ impl Picture {
         Some(Colour(self.data[i], self.data[i + 1], self.data[i + 2]))
     }
 
-    /// The mean of every 2 x 2 pixels; an odd last row or column is dropped. A picture of one pixel in either direction has
-    /// nothing left.
+    /// The mean of every 2 x 2 pixels; an odd last row or column is dropped. An image of one pixel in either direction becomes empty.
     #[must_use]
     pub fn halved(&self) -> Self {
         let (width, height) = (self.width / 2, self.height / 2);
@@ -107,7 +105,7 @@ impl Picture {
         }
     }
 
-    /// The picture in another size: each pixel is the mean of the area that it covers.
+    /// Resizes by area averaging.
     #[must_use]
     pub fn scaled(&self, width: usize, height: usize) -> Self {
         if (width, height) == (self.width, self.height) {
@@ -115,7 +113,7 @@ impl Picture {
         }
         let rows = shares(self.height, height);
         let mut data = Vec::with_capacity(3 * width * height);
-        // One direction after the other: the sums of a row of areas, then those of its columns.
+        // Separable: first along one direction, then along the other.
         let columns = shares(self.width, width);
         for (y, row) in &rows {
             let mut sums = vec![0.0f32; 3 * self.width];
@@ -145,7 +143,7 @@ impl Picture {
         (x < self.width && y < self.height).then_some(3 * (y * self.width + x))
     }
 
-    /// Mixes a colour into a pixel: `coverage` 0 leaves it, 1 replaces it.
+    /// Blends a colour into a pixel, with opacity `coverage` from 0 to 1.
     pub(crate) fn blend(&mut self, x: i64, y: i64, colour: Colour, coverage: f32) {
         let Some(i) = self.index(x, y) else { return };
         for (old, new) in self.data[i..i + 3]
@@ -156,13 +154,13 @@ impl Picture {
         }
     }
 
-    /// What [`Self::blend`] makes of every value of each channel, for [`Self::replace`].
+    /// Table of [`Self::blend`]'s results for every value of each channel, for [`Self::replace`].
     pub(crate) fn mixed_with(colour: Colour, coverage: f32) -> [[u8; 256]; 3] {
         [colour.0, colour.1, colour.2]
             .map(|new| std::array::from_fn(|old| mixed(old as u8, new, coverage)))
     }
 
-    /// Replaces the channels of a pixel inside the picture by their entries in a table.
+    /// Replaces the channels of a pixel by their entries in a table. The pixel must be inside.
     pub(crate) fn replace(&mut self, x: usize, y: usize, by: &[[u8; 256]; 3]) {
         let i = 3 * (y * self.width + x);
         for (value, by) in self.data[i..i + 3].iter_mut().zip(by) {
@@ -170,7 +168,7 @@ impl Picture {
         }
     }
 
-    /// Fills the pixels from `(x0, y0)` up to but without `(x1, y1)`.
+    /// Fills the pixels from `(x0, y0)` up to and excluding `(x1, y1)`.
     pub(crate) fn fill(
         &mut self,
         (x0, y0): (i64, i64),
@@ -178,7 +176,7 @@ impl Picture {
         colour: Colour,
         coverage: f32,
     ) {
-        // Cut first: the corners may be anywhere.
+        // Clip first: the corners may be anywhere.
         let cut = |v: i64, end: usize| v.clamp(0, end as i64);
         for y in cut(y0, self.height)..cut(y1, self.height) {
             for x in cut(x0, self.width)..cut(x1, self.width) {
@@ -187,7 +185,7 @@ impl Picture {
         }
     }
 
-    /// Puts a picture on this one, its first pixel at `(x, y)`.
+    /// Copies an image into this one, with its first pixel at `(x, y)`.
     pub(crate) fn paste(&mut self, other: &Self, x: usize, y: usize) {
         let columns = other.width.min(self.width.saturating_sub(x));
         if columns == 0 {
@@ -200,7 +198,7 @@ impl Picture {
         }
     }
 
-    /// The same picture with a strip of one colour below.
+    /// Adds a strip of one colour below.
     pub(crate) fn with_strip(mut self, height: usize, colour: Colour) -> Self {
         for _ in 0..height * self.width {
             self.data.extend([colour.0, colour.1, colour.2]);
@@ -210,13 +208,12 @@ impl Picture {
     }
 }
 
-/// One channel of a pixel with some of a colour mixed in: 0 leaves it, 1 replaces it.
 fn mixed(old: u8, new: u8, coverage: f32) -> u8 {
     let (old, new) = (f32::from(old), f32::from(new));
     (old + coverage.clamp(0.0, 1.0) * (new - old) + 0.5) as u8
 }
 
-/// For each of `to` pixels that cover `from`, the first one below it and the share of it and of those that follow.
+/// For each of `to` pixels that cover `from`: the first source pixel, and the shares of it and its successors.
 fn shares(from: usize, to: usize) -> Vec<(usize, Vec<f32>)> {
     let step = from as f64 / to.max(1) as f64;
     let pixel = |i: usize| {
@@ -232,7 +229,7 @@ fn shares(from: usize, to: usize) -> Vec<(usize, Vec<f32>)> {
 
 impl From<Picture> for ColourImage {
     fn from(picture: Picture) -> Self {
-        // The data of a picture always has the size that its width and height ask for.
+        // The data of an image always match its size.
         Self::from_vec(picture.width, picture.height, picture.data).unwrap_or_default()
     }
 }
@@ -259,7 +256,7 @@ mod tests {
         let third = p.scaled(2, 1);
         assert_eq!(third.at(0, 0), Some(Colour(200, 0, 100)));
         assert_eq!(third.at(1, 0), Some(Colour(100, 100, 100)));
-        // The pixel in the middle covers a half of each.
+        // The middle pixel covers a half of each.
         assert_eq!(p.scaled(3, 2).at(1, 1), Some(Colour(150, 50, 100)));
         let large = p.scaled(12, 7);
         assert_eq!((large.width(), large.height()), (12, 7));

@@ -3,14 +3,14 @@
 use crate::{Colour, Picture};
 use stillpoint_imaging::GrayImage;
 
-/// Calls `paint` for the pixels around a point, with their distances from it, px.
+/// Calls `paint` for the pixels around a point, with their distances, px.
 fn around(
     picture: &mut Picture,
     (u, v): (f32, f32),
     reach: f32,
     mut paint: impl FnMut(&mut Picture, i64, i64, f32),
 ) {
-    // Keeps the range of pixels small, whatever comes in.
+    // Limits the range of pixels for any input.
     let outside = |c: f32, size: usize| !(-reach..=size as f32 + reach).contains(&c);
     if outside(u, picture.width()) || outside(v, picture.height()) {
         return;
@@ -23,14 +23,13 @@ fn around(
     }
 }
 
-/// A filled circle with smooth edges. The pixel at its centre has the pure colour from a radius of 1.25 px on.
+/// A filled anti-aliased circle. The centre pixel has the pure colour from a radius of 1.25 px on.
 pub(crate) fn disc(picture: &mut Picture, centre: (f32, f32), radius: f32, colour: Colour) {
     around(picture, centre, radius + 1.0, |p, x, y, d| {
         p.blend(x, y, colour, radius + 0.5 - d);
     });
 }
 
-/// A circle's line with smooth edges.
 pub(crate) fn ring(
     picture: &mut Picture,
     centre: (f32, f32),
@@ -43,7 +42,7 @@ pub(crate) fn ring(
     });
 }
 
-/// A line with smooth edges and round ends: its width, px, and how much of the colour is mixed in.
+/// An anti-aliased line with round ends: its width, px, and opacity.
 pub(crate) fn segment(
     picture: &mut Picture,
     (ax, ay): (f32, f32),
@@ -51,7 +50,7 @@ pub(crate) fn segment(
     (width, share): (f32, f32),
     colour: Colour,
 ) {
-    // What is no number, or too far away for any picture, is nowhere.
+    // Skips NaN, and coordinates too far away for any image.
     if [ax, ay, bx, by].iter().any(|c| c.is_nan() || c.abs() > 1e5) {
         return;
     }
@@ -75,21 +74,18 @@ pub(crate) fn segment(
     }
 }
 
-/// A line of a frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
-    /// Width, px.
     pub(crate) width: i64,
-    /// Whether gaps are left in it.
     pub(crate) dashed: bool,
-    /// How much of the colour is mixed into the pixels, 0 to 1.
+    /// Opacity, 0 to 1.
     pub(crate) coverage: f32,
 }
 
 /// A dash and the gap after it, in widths of a line of 2 px.
 const DASH: i64 = 4;
 
-/// A frame of lines inside the pixels from `(x0, y0)` up to but without `(x1, y1)`. No pixel is drawn twice.
+/// A frame inside the pixels from `(x0, y0)` up to and excluding `(x1, y1)`. No pixel is drawn twice.
 pub(crate) fn frame(
     picture: &mut Picture,
     (x0, y0): (i64, i64),
@@ -116,7 +112,7 @@ pub(crate) fn frame(
     }
 }
 
-/// A filled rectangle with corners cut off by a pixel or two: the plate behind a text.
+/// A filled rectangle with corners cut by a pixel or two: the background of a text.
 pub(crate) fn plate(
     picture: &mut Picture,
     (x0, y0): (i64, i64),
@@ -131,20 +127,19 @@ pub(crate) fn plate(
     }
 }
 
-/// How much of the colour is mixed into a region that moves: what is below can still be seen.
+/// Opacity of the tint of a moving region; the image stays visible.
 pub(crate) const TINT: f32 = 0.26;
-/// The same along its outline.
 pub(crate) const OUTLINE: f32 = 0.75;
 
-/// Tints what a mask covers, with a line along its outline; `tint` and `outline` are how much of the colour is mixed in. The line is smooth: a
-/// pixel has as much of it as its 3x3 neighbourhood is divided. What of the picture lies beyond the mask stays as it is.
+/// Tints a mask's region and draws its outline, with opacities `tint` and `outline`. The outline is smooth: its opacity at a pixel follows
+/// the mixture of the 3x3 neighbourhood. Pixels beyond the mask's size stay unchanged.
 pub(crate) fn region(picture: &mut Picture, mask: &GrayImage, (tint, outline): (f32, f32)) {
     let (width, height) = (
         picture.width().min(mask.width()),
         picture.height().min(mask.height()),
     );
     let around = |v: usize, end: usize| v.saturating_sub(1)..(v + 2).min(end);
-    // Most pixels of a region have nothing else around them.
+    // Most pixels of a region are interior.
     let filled = Picture::mixed_with(Colour::REGION, tint);
     // How many of each column's three pixels are inside, with a column beyond each border.
     let mut columns = vec![0_u8; width + 2];
@@ -281,7 +276,7 @@ mod tests {
         assert_eq!(full.at(5, 5), Some(Colour::RIGID));
         assert_eq!(full.at(52, 34), Some(Colour::RIGID));
         assert_eq!(full.at(6, 6), grey().at(6, 6));
-        // No pixel of a pale frame is mixed twice.
+        // No pixel of a pale frame is blended twice.
         let mut pale = grey();
         frame(&mut pale, (5, 5), (53, 35), line(false, 0.5), Colour::WHITE);
         assert_eq!(count(&pale, Colour(178, 178, 178)), 2 * 48 + 2 * 30 - 4);
@@ -308,7 +303,7 @@ mod tests {
         for (x, y) in [(20, 15), (39, 15), (30, 10), (30, 19)] {
             assert!(red(x, y) > inner + 30, "outline at {x} {y}: {}", red(x, y));
         }
-        // A picture that is smaller than the mask.
+        // An image smaller than the mask.
         region(
             &mut Picture::new(3, 2, Colour::WHITE),
             &mask,

@@ -1,47 +1,43 @@
-//! Text: lines of an embedded font with smooth edges.
+//! Anti-aliased text in an embedded font.
 
 use crate::{Colour, Picture};
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
 use stillpoint_evaluation::plot::TYPEFACE;
 
-/// Height of a font of size 1 from its highest to its lowest point, which `ab_glyph` scales by.
+/// Height of a font of size 1 between its extremes, by which `ab_glyph` scales.
 const HEIGHT: f32 = 2400.0 / 2048.0;
-/// Height of capitals over the size.
+/// Height of capitals relative to the size.
 const CAPITALS: f32 = 1456.0 / 2048.0;
 
-/// A size of text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Text {
-    /// Size of the font (its em), px.
     size: f32,
 }
 
 impl Text {
-    /// Text that is legible and small in a picture of this width, px: 16.6 px at 640 px, so that it can be read when the picture is halved.
+    /// A small legible size for an image of this width, px: 16.6 px at 640 px, which is readable when the image is halved.
     pub(crate) fn for_width(picture_width: usize) -> Self {
         Self {
             size: (picture_width as f32 * 0.026).clamp(11.0, 60.0),
         }
     }
 
-    /// Text of a size (its em), px.
+    /// Font size (em), px.
     pub(crate) fn of(size: f32) -> Self {
         Self { size }
     }
 
-    /// Text of another size than this, by a factor.
     pub(crate) fn scaled(self, by: f32) -> Self {
         Self {
             size: self.size * by,
         }
     }
 
-    /// A length that grows with the text: so many times its size, at least 1 px.
+    /// A length proportional to the font size, at least 1 px.
     pub(crate) fn space(self, times: f32) -> usize {
         ((self.size * times).round() as usize).max(1)
     }
 
-    /// Height of capitals, px.
     pub(crate) fn capitals(self) -> usize {
         self.space(CAPITALS)
     }
@@ -55,7 +51,6 @@ impl Text {
         PxScale::from(self.size * HEIGHT)
     }
 
-    /// Width of a text, px.
     pub(crate) fn width(self, text: &str) -> usize {
         let Some(font) = font() else { return 0 };
         let font = font.as_scaled(self.scale());
@@ -63,7 +58,7 @@ impl Text {
         width.sum::<f32>().ceil() as usize
     }
 
-    /// The text, with its end replaced by an ellipsis where it is wider than the room, px.
+    /// Truncates the text with an ellipsis to a width, px.
     pub(crate) fn cut(self, text: &str, room: usize) -> String {
         if self.width(text) <= room {
             return text.to_owned();
@@ -78,12 +73,12 @@ impl Text {
         String::new()
     }
 
-    /// Writes a text; its first letter begins at `x`, and its capitals are as high as a line with space around it that begins at `y`.
+    /// Draws a text with its left end at `x`, centred in the line with space around it that begins at `y`.
     pub(crate) fn write(self, picture: &mut Picture, (x, y): (i64, i64), text: &str, ink: Colour) {
         let Some(font) = font() else { return };
         let scale = self.scale();
         let scaled = font.as_scaled(scale);
-        // Rows of whole pixels keep the edges of capitals sharp.
+        // Whole pixel rows keep the edges of capitals sharp.
         let base = (y + (self.space(0.4) + self.capitals()) as i64) as f32;
         let mut at = x as f32;
         for c in text.chars() {
@@ -104,7 +99,7 @@ impl Text {
     }
 }
 
-/// The font. A test holds that it can be read.
+/// The font. A test checks that it can be parsed.
 fn font() -> Option<FontRef<'static>> {
     FontRef::try_from_slice(TYPEFACE).ok()
 }
@@ -142,7 +137,7 @@ mod tests {
         let p = written("Hello", 17.0);
         let grey = p.data().iter().filter(|v| (32..224).contains(*v)).count();
         assert!(grey > 100, "{grey}");
-        // Capitals begin and end with whole rows.
+        // Capitals begin and end at whole rows.
         let t = Text { size: 17.0 };
         let p = written("EEE", 17.0);
         let row = |y: usize| {

@@ -1,4 +1,4 @@
-//! Frames with what moves tinted, for pages, which show them small.
+//! Frames with tinted moving regions, for pages, which show them small.
 
 use crate::{Picture, shapes};
 use std::borrow::Cow;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 use stillpoint_imaging::{ColourImage, RgbdFrame};
 use stillpoint_slam::Segments;
 
-/// The frame with the regions that move tinted and outlined in its colours; as it is where nothing moves.
+/// Tints and outlines the moving regions; returns the frame unchanged if nothing moves.
 pub(crate) fn tinted<'a>(frame: &'a RgbdFrame, segments: &Segments) -> Cow<'a, RgbdFrame> {
     if segments.labels.iter().all(|l| *l == 0) {
         return Cow::Borrowed(frame);
@@ -20,7 +20,7 @@ pub(crate) fn tinted<'a>(frame: &'a RgbdFrame, segments: &Segments) -> Cow<'a, R
             colour: Some(Arc::new(colour)),
             ..frame.clone()
         }),
-        // The size is that of the pixels, so this does not happen.
+        // The size matches the pixels, so this does not happen.
         Err(_) => Cow::Borrowed(frame),
     }
 }

@@ -1,4 +1,4 @@
-//! What the system said of a frame, drawn over it: verdicts, objects, what moves.
+//! Draws the system's results over a frame: verdicts, objects, moving regions.
 
 use crate::colour::Colour;
 use crate::draw::draw;
@@ -12,36 +12,36 @@ use stillpoint_slam::{FrameReport, FrameState, MOVER, Outcome, Reasons};
 /// Which objects are drawn, and whether they have names.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Labels {
-    /// Every object with its name: guesses that nothing confirmed, and what stands still, too.
+    /// Every object with its name, including tentative and static ones.
     All,
-    /// Confirmed objects of classes that move by themselves, and whatever else is seen moving, with their names.
+    /// Confirmed objects of classes that move by themselves, and others seen moving, with names.
     #[default]
     Movers,
-    /// The same without their names.
+    /// Like `Movers`, without names.
     None,
 }
 
-/// How objects are drawn.
+/// Style of the drawing.
 #[derive(Clone, Debug, Default)]
 pub struct Style {
     /// No lines under the image, which keeps its size.
     pub bare: bool,
     /// Which objects are drawn, and whether they have names.
     pub labels: Labels,
-    /// How likely classes of objects are to move.
+    /// Motion weights of the classes.
     pub weights: MotionWeights,
 }
 
 impl Style {
-    /// Whether it may move by itself at any time, or does move. The rigid test alone is not enough for a thing: features of
-    /// someone who walks past its box move too.
+    /// Whether an object may move by itself, or is moving. For inanimate objects the rigid test alone is not enough: features of a person
+    /// passing by are in their box too.
     fn mover(&self, object: &Object) -> bool {
         let moved =
             || object.motion == Motion::Moving && certain_speed(object, FOR_THINGS).is_some();
         self.weights.get(object.class) >= MOVER || moved()
     }
 
-    /// Whether it is drawn. What nothing confirmed may be nobody, and what is hidden is not in the image.
+    /// Whether it is drawn. Unconfirmed objects may be false alarms, and hidden ones are not in the image.
     fn shown(&self, object: &Object) -> bool {
         let seen = matches!(object.state, ObjectState::Confirmed | ObjectState::Coasting);
         self.labels == Labels::All || (seen && self.mover(object))
@@ -56,10 +56,10 @@ impl Style {
     }
 }
 
-/// Standard deviations that the speed of a thing must be above to make it a mover.
+/// Standard deviations that an inanimate object's speed must exceed to count as moving.
 const FOR_THINGS: f64 = 2.8;
 
-/// A frame with what the system said of it drawn over it. Boxes of what is likelier to move are drawn over the others.
+/// A frame with the system's results. Boxes of likelier movers are drawn on top.
 #[must_use]
 pub fn picture(frame: &RgbdFrame, report: &FrameReport, style: &Style) -> Picture {
     let keypoints: Vec<Keypoint> = report
@@ -96,7 +96,7 @@ pub fn picture(frame: &RgbdFrame, report: &FrameReport, style: &Style) -> Pictur
     )
 }
 
-/// The colour of the reason that says most.
+/// The colour of the most informative reason.
 fn colour_of(reasons: Reasons) -> Colour {
     [
         (Reasons::OBJECT, Colour::SEMANTIC),
@@ -124,7 +124,7 @@ fn overlay_box(object: &Object, style: &Style) -> OverlayBox {
     }
 }
 
-/// What it is, and how fast where the rigid test says that it moves and the speed is above its own standard deviation.
+/// Name, and speed if the rigid test shows motion and the speed exceeds its standard deviation.
 fn label(object: &Object) -> String {
     let doubt = match object.state {
         ObjectState::Tentative => "?",
@@ -141,7 +141,7 @@ fn label(object: &Object) -> String {
     }
 }
 
-/// What became of the frame, in the word of `frames.csv`.
+/// The frame's state, in the word of `frames.csv`.
 fn badge(state: FrameState) -> (String, Colour) {
     let colour = match state {
         FrameState::Tracked => Colour::STATIC,
@@ -154,7 +154,7 @@ fn badge(state: FrameState) -> (String, Colour) {
     (state.name().to_uppercase(), colour)
 }
 
-/// The state in a line: short, since it stands beside the badge.
+/// A short state line beside the badge.
 fn caption(report: &FrameReport) -> String {
     let c = &report.counts;
     let mut parts = vec![format!("frame {}", report.frame)];
@@ -213,7 +213,7 @@ mod tests {
             ("person", Motion::Unknown, 0.8, "person 4"),
             ("person", Motion::Parked, 0.8, "person 4 parked"),
             ("chair", Motion::Moving, 1.6, "chair 4  1.6 m/s"),
-            // Someone walks past it.
+            // A person walks past it.
             ("chair", Motion::Moving, 0.8, ""),
             ("chair", Motion::Unknown, 0.8, ""),
         ] {

@@ -1,11 +1,11 @@
-//! Animations as any reader of GIF decodes them.
+//! Animations, decoded by a GIF reader.
 
 use gif::{ColorOutput, DecodeOptions, Repeat};
 use std::io::{Cursor, Write};
 use stillpoint_imaging::GrayImage;
 use stillpoint_view::{Animation, AnimationOptions, Picture, ViewError, write_png};
 
-/// A picture with a bright column that stands further right in each frame.
+/// An image with a bright column that moves right with `n`.
 fn picture(width: usize, height: usize, n: usize) -> Picture {
     let pixels = (0..width * height)
         .map(|i| {
@@ -27,7 +27,7 @@ fn animate(options: AnimationOptions, frames: usize) -> Vec<u8> {
     animation.finish().unwrap()
 }
 
-/// What a viewer shows at each frame, RGB, and how long, in hundredths of a second.
+/// The image displayed at each frame, RGB, and its duration, in hundredths of a second.
 fn decode(bytes: &[u8]) -> (Vec<Vec<u8>>, Vec<u16>) {
     let mut options = DecodeOptions::new();
     options.set_color_output(ColorOutput::RGBA);
@@ -37,7 +37,7 @@ fn decode(bytes: &[u8]) -> (Vec<Vec<u8>>, Vec<u16>) {
     while let Some(frame) = reader.read_next_frame().unwrap() {
         assert_eq!(frame.buffer.len() / 4, shown.len() / 3);
         for (new, old) in frame.buffer.chunks_exact(4).zip(shown.chunks_exact_mut(3)) {
-            // What did not change is transparent.
+            // Unchanged pixels are transparent.
             if new[3] > 0 {
                 old.copy_from_slice(&new[..3]);
             }
@@ -117,7 +117,6 @@ fn it_begins_where_the_sink_stands() {
     assert_eq!(decode(&bytes[6..]).0.len(), 2);
 }
 
-/// A sink that is full.
 struct Full;
 
 impl Write for Full {
@@ -167,7 +166,7 @@ fn what_cannot_be_animated_is_refused() {
     assert!(e.to_string().contains("65535"), "{e}");
 }
 
-/// Grey with the noise of a camera, from a fixed sequence.
+/// Grey with camera noise, from a fixed sequence.
 fn noisy(width: usize, height: usize) -> Picture {
     let mut state = 1u32;
     let pixels = (0..width * height).map(|i| {

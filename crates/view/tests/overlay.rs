@@ -1,4 +1,4 @@
-//! What a picture shows: marks, boxes, labels, regions, captions, the legend; and that nothing that is drawn can make it fail.
+//! Contents of images: marks, boxes, labels, regions, captions, legend; drawing never fails.
 
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -34,7 +34,7 @@ fn object(bounds: [f64; 4], label: &str, coasting: bool) -> OverlayBox {
     }
 }
 
-/// Pixels of a colour in the columns and rows given.
+/// Number of pixels of a colour in the given columns and rows.
 fn count(
     picture: &Picture,
     colour: Colour,
@@ -46,7 +46,7 @@ fn count(
         .count()
 }
 
-/// The same for colours that differ by less than 60 in each channel: smooth edges mix them.
+/// Number of pixels within 60 of a colour in each channel, to allow for smooth edges.
 fn count_near(
     picture: &Picture,
     colour: Colour,
@@ -121,8 +121,8 @@ fn boxes_have_frames_and_labels() {
         assert_eq!(picture.at(x, y), Some(colour), "{x} {y}");
     }
     assert_eq!(picture.at(200, 250), Some(Colour(GREY, GREY, GREY)));
-    // The label stands above the box: ink on a plate of the box's colour, capitals at least 12 px high, so that it is legible at
-    // half size.
+    // The label is above the box: text on a background of the box's colour, capitals at least 12 px high, so that it is legible at half
+    // size.
     let ink = if count(&picture, Colour::WHITE, 100..300, 70..100) > 0 {
         Colour::WHITE
     } else {
@@ -136,7 +136,7 @@ fn boxes_have_frames_and_labels() {
     let ground = count(&picture, colour, 100..300, 74..100);
     assert!(ground > 1000, "{ground} px");
 
-    // A coasting box lacks half of its frame, and nothing else changes.
+    // A coasting box lacks half of its frame, with no other difference.
     let boxes = [object([100.0, 100.0, 300.0, 400.0], "", true)];
     let dashed = draw(
         &frame(640, 480),
@@ -165,7 +165,7 @@ fn a_quiet_box_is_thin_and_pale() {
     let grey = Some(Colour(GREY, GREY, GREY));
     let line: Vec<_> = (95..106).map(|x| picture.at(x, 250)).collect();
     let line: Vec<_> = line.into_iter().filter(|c| *c != grey).flatten().collect();
-    // A pale line lets the image through.
+    // A pale line is translucent.
     assert_eq!(line.len(), 1);
     assert!(line[0].0 > GREY && line[0].0 < Colour::THING.0);
 }

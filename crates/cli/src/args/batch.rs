@@ -10,19 +10,20 @@ use std::path::{Component, Path, PathBuf};
 
 /// Run many recordings, several at a time, and resume where an earlier batch ended.
 ///
-/// An INPUT is a data set folder, a recording, a pattern such as data/*.mcap for shells that leave it as it is, or @FILE for a list with
-/// one of these a line. Each gets a result folder in --out that is named after it, without the ending of a file, and holds what run writes,
-/// stderr.log, which is what the run said, and recording.json, its row of the table.
+/// An INPUT is a data set folder, a recording, a quoted pattern such as 'data/*.mcap', or @FILE: a list with one of these per line. Each
+/// gets a result folder in --out, named after the input without its file extension. It holds the output of run, stderr.log (the messages of
+/// the run) and recording.json (its row of the table).
 ///
-/// Every run is a process of its own: one that crashes, does not open, or takes longer than --time-limit is told in a line, tried once
-/// more after the others, and leaves the rest alone. There are as many at a time as cores and free memory allow; each gets its share of
-/// the cores by STILLPOINT_WORKERS. What that takes is told before the first one starts.
+/// Every run is a separate process. One that crashes, fails to open its input or exceeds --time-limit is reported, retried once after the
+/// others, and does not affect them. The number of parallel runs follows from cores and free memory and is printed before the first run;
+/// each run gets its share of the cores through STILLPOINT_WORKERS.
 ///
-/// A recording that is done is skipped when the batch is run again: done means the same input, configuration and program. The input is
-/// its path and, of each of its files, name, size and time of change, with the first and last MiB of those that are no images. A result
-/// of another program or configuration is only replaced with --replace. Ctrl-C ends the runs at hand and keeps all that are done.
+/// A finished recording is skipped when the batch is run again with the same input, configuration and program. The input is identified by
+/// its path and, for each file, name, size and modification time, plus the first and last MiB of files that are not images. Results of
+/// another program or configuration are replaced only with --replace. Ctrl-C ends the current runs and keeps all finished ones.
 ///
-/// At the end: one table, also in batch.json and batch.parquet, and batch.html, which links the reports and has the worst runs on top.
+/// At the end the table is printed and written as batch.json, batch.parquet and batch.html, which links the reports and lists the worst
+/// runs first.
 #[derive(Clone, Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -45,28 +46,28 @@ pub(crate) struct BatchArgs {
     /// Recordings, data set folders, patterns, and lists as @FILE.
     #[arg(value_name = "INPUT", required_unless_present = "list")]
     pub(crate) inputs: Vec<PathBuf>,
-    /// File with one input a line; empty lines and those that begin with # are left out. May be repeated.
+    /// File with one input per line; empty lines and lines that begin with # are ignored. May be repeated.
     #[arg(long, value_name = "FILE")]
     pub(crate) list: Vec<PathBuf>,
     /// Folder of the results.
     #[arg(long, value_name = "DIR", default_value = "out/batch")]
     pub(crate) out: PathBuf,
-    /// Name result folders by so many last parts of the path, joined by _.
+    /// Name result folders by this many trailing parts of the path, joined by _.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     pub(crate) name_parts: u8,
-    /// Runs at a time [default: as many as cores and free memory allow].
+    /// Number of parallel runs [default: as many as cores and free memory allow].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub(crate) workers: Option<u16>,
-    /// Run the I-th of N shares of the inputs, from 1 on: for arrays of jobs, each with an --out of its own; batch merge joins them.
+    /// Run share I of N of the inputs, counted from 1, for job arrays. Each share needs its own --out; batch merge joins them.
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub(crate) shard: Option<Shard>,
-    /// End a run that takes longer.
+    /// End a run that takes longer than this.
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     pub(crate) time_limit: Option<f64>,
     /// Replace results of another program or configuration.
     #[arg(long)]
     pub(crate) replace: bool,
-    /// Print batch.json, and nothing else on stdout.
+    /// Print batch.json and nothing else on stdout.
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]
@@ -82,10 +83,10 @@ pub(crate) enum BatchCommand {
     Merge(BatchMergeArgs),
 }
 
-/// Join the tables of several batches, as of the shards of one.
+/// Join the tables of several batches, such as the shards of one.
 ///
-/// Writes the table, batch.json, batch.parquet and batch.html; the results stay where they are and are linked. All must be of one program
-/// and configuration, and no recording may be in two of them. A shard that is missing or was ended early is named.
+/// Writes the table, batch.json, batch.parquet and batch.html; the results stay in place and are linked. All batches must have the same
+/// program and configuration, and no recording may occur in two of them. Shards that are missing or ended early are named.
 #[derive(Clone, Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -101,51 +102,51 @@ pub(crate) struct BatchMergeArgs {
     /// Folder to write to.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
-    /// Print batch.json, and nothing else on stdout.
+    /// Print batch.json and nothing else on stdout.
     #[arg(long)]
     pub(crate) json: bool,
 }
 
-/// What every run does, as run does it; files and folders lie in its result folder.
+/// Options of every run, as for run; output paths are relative to the result folder.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct EachArgs {
-    /// Fuse what stands still into a surface: see run --help.
+    /// Fuse the static scene into a surface: see run --help.
     #[arg(long)]
     pub(crate) dense: bool,
-    /// Distance between the points at which the surface is stored, m [default: 0.02].
+    /// Voxel size of the surface, m [default: 0.02].
     #[arg(long, value_name = "M", requires = "dense", value_parser = voxel)]
     pub(crate) voxel: Option<f64>,
-    /// Direction away from the floor in the map, roughly [default: as for run].
+    /// Approximate direction away from the floor, in the map frame [default: as for run].
     #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
     pub(crate) up: Option<[f64; 3]>,
-    /// Gather what stands in the room: see run --help. Needs a detector.
+    /// Map the objects in the room: see run --help. Needs a detector.
     #[arg(long)]
     pub(crate) things: bool,
-    /// Keep to so many milliseconds per frame by doing less, as run does it.
+    /// Time budget per frame, ms: see run --help.
     #[arg(long, value_name = "N", value_parser = budget_ms)]
     pub(crate) budget_ms: Option<f64>,
-    /// Write no report.html into the result folders.
+    /// Do not write report.html into the result folders.
     #[arg(long)]
     pub(crate) no_report: bool,
-    /// Write each map to this file in its result folder.
+    /// Save each map to this file in its result folder.
     #[arg(long, value_name = "FILE", value_parser = inside)]
     pub(crate) save_map: Option<PathBuf>,
-    /// Write what is found to this file in the result folder, as messages of ROS 2.
+    /// Record the results to this file in the result folder, as ROS 2 messages.
     #[arg(long, value_name = "FILE.mcap", value_parser = inside)]
     pub(crate) record: Option<PathBuf>,
     /// Write the objects of every frame to this file in the result folder.
     #[arg(long, value_name = "FILE.csv", value_parser = inside)]
     pub(crate) objects: Option<PathBuf>,
-    /// Write what the static filter said of every keypoint to this file in the result folder.
+    /// Write the static filter's verdict on every keypoint to this file in the result folder.
     #[arg(long, value_name = "FILE.csv", value_parser = inside)]
     pub(crate) verdicts: Option<PathBuf>,
-    /// Write a mask of every frame to this folder in the result folder.
+    /// Write a motion mask of every frame to this folder in the result folder.
     #[arg(long, value_name = "DIR", value_parser = inside)]
     pub(crate) masks: Option<PathBuf>,
 }
 
 impl EachArgs {
-    /// The options as they would be typed for a run whose result folder is `out`.
+    /// These options as command line arguments of a run with result folder `out`.
     pub(crate) fn typed(&self, out: &Path) -> Vec<OsString> {
         let Self {
             dense,
@@ -190,9 +191,9 @@ impl EachArgs {
 /// One share of the inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Shard {
-    /// Which, from 1 on.
+    /// Index, from 1.
     pub(crate) index: u32,
-    /// How many there are.
+    /// Number of shares.
     pub(crate) of: u32,
 }
 
@@ -209,7 +210,7 @@ fn shard(text: &str) -> Result<Shard, String> {
     }
 }
 
-/// A path that stays in the result folder.
+/// Accepts only paths that stay inside the result folder.
 fn inside(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let stays = path.components().all(|c| matches!(c, Component::Normal(_)));

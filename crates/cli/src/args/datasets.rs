@@ -1,15 +1,15 @@
-//! Arguments of the commands about public data sets.
+//! Arguments of the data set commands.
 
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
-/// Where sequences are put and looked for when no folder is named.
+/// Default folder for sequences.
 pub(crate) const FOLDER: &str = "data";
 
-/// Sequences of public data sets: which are known, and how to get them.
+/// List or download sequences of public data sets.
 ///
-/// They are those of bench --suite: people and things move in them, and figures of other systems are
-/// published on them. They are not part of this program: each data set has its own page and licence.
+/// These are the sequences of bench --suite: they contain moving people and objects, and results of other systems on them are published.
+/// They are not part of this program: each data set has its own page and licence.
 #[derive(Debug, Subcommand)]
 #[command(
     verbatim_doc_comment,
@@ -24,7 +24,7 @@ pub(crate) enum DatasetsCommand {
     Pull(PullArgs),
 }
 
-/// List the sequences that are known, with the pages and licences of their data sets.
+/// List the known sequences with the pages and licences of their data sets.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -33,12 +33,11 @@ pub(crate) enum DatasetsCommand {
 )]
 pub(crate) struct ListArgs {}
 
-/// Get a sequence, or all of a suite, from the data set's official page.
+/// Download a sequence, or all of a suite, from the data set's official page.
 ///
-/// Address, licence and size are shown before the download. One that breaks off, or that Ctrl-C ends, is kept
-/// and resumed the next time. Its SHA-256 is kept beside the folder, and later downloads are
-/// compared with it. The archive is unpacked, and removed once the folder is in its place; a sequence
-/// that is there already is left as it is.
+/// Address, licence and size are shown before the download. An interrupted download (also by Ctrl-C) is kept and resumed the next time. The
+/// SHA-256 of the archive is stored beside the folder, and later downloads are compared with it. The archive is unpacked, and removed once
+/// the folder is in place; a sequence that already exists is left unchanged.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -54,10 +53,10 @@ pub(crate) struct PullArgs {
     /// Name of a sequence or suite: see datasets list.
     #[arg(value_name = "NAME")]
     pub(crate) name: String,
-    /// Folder to put it in.
+    /// Destination folder.
     #[arg(value_name = "DIR", default_value = FOLDER)]
     pub(crate) dir: PathBuf,
-    /// Server with the same paths to get it from, instead of the official one.
+    /// Mirror with the same paths, instead of the official server.
     #[arg(long, value_name = "URL")]
     pub(crate) mirror: Option<String>,
 }

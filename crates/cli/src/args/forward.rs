@@ -1,20 +1,20 @@
-//! Arguments as they would be typed again, for a run in a process of its own.
+//! Arguments turned back into text, for a run in a separate process.
 
 use crate::args::models::DetectorArgs;
 use crate::args::{ConfigArgs, InputArgs};
 use std::ffi::OsString;
 use std::path::Path;
 
-/// Stands for the recording in the name of a detector.
+/// Placeholder for the recording in a detector argument.
 const PLACE: &str = "{}";
 
-/// Whether a detector is named by the recording that it is for.
+/// Whether the detector argument depends on the recording.
 pub(crate) fn is_of_recording(detector: &str) -> bool {
     detector.contains(PLACE)
 }
 
-/// The options of an input and of a configuration, for the recording at `path`. Every field is named, so that one which is added cannot be
-/// forgotten.
+/// Input and configuration options for the recording at `path`. The structs are destructured, so that the compiler reports a field that was
+/// added and not handled.
 pub(crate) fn typed(input: &InputArgs, config: &ConfigArgs, path: &Path) -> Vec<OsString> {
     let InputArgs {
         camera,

@@ -1,4 +1,4 @@
-//! Arguments of `live`: the sources that are driven at the pace of a camera.
+//! Arguments of `live`: sources that run at camera rate.
 
 use crate::args::run::{LiveChoice, RunArgs, budget_ms};
 use crate::args::{ConfigArgs, DetectorArgs, InputArgs};
@@ -6,7 +6,7 @@ use crate::sinks::OutputArgs;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
-/// Run SLAM at the pace of a camera, with a thread per stage.
+/// Run SLAM at camera rate, with a thread per stage.
 #[derive(Debug, Subcommand)]
 #[command(
     verbatim_doc_comment,
@@ -21,9 +21,9 @@ pub(crate) enum LiveCommand {
 
 /// Run on an Intel RealSense camera until Ctrl-C.
 ///
-/// librealsense 2.50 or later is loaded when the camera is asked for: from ROS's and the system's folders, or
-/// from the file or folder that STILLPOINT_REALSENSE names. Lenses and the pose between the cameras are those of
-/// the factory, stamps are the device's. A camera that is unplugged is waited for.
+/// librealsense 2.50 or later is loaded at run time: from the folders of ROS and of the system, or from the file or folder that
+/// STILLPOINT_REALSENSE names. Intrinsics and extrinsics are the factory calibration, time stamps are those of the device. When the camera
+/// is unplugged, the run waits for it.
 ///
 /// The result folder, its log and the exit codes are those of run, see run --help.
 #[derive(Debug, Args)]
@@ -42,39 +42,39 @@ pub(crate) struct LiveRealsenseArgs {
     /// Serial number of the camera, where several are connected.
     #[arg(long, value_name = "NUMBER")]
     pub(crate) serial: Option<String>,
-    /// Have librealsense play a recording of its own (.bag, .db3) in place of a camera.
+    /// Have librealsense play one of its own recordings (.bag, .db3) instead of a camera.
     #[arg(long, value_name = "FILE", conflicts_with = "serial")]
     pub(crate) playback: Option<PathBuf>,
-    /// Width and height of both images, px.
+    /// Width and height of colour and depth images, px.
     #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = size)]
     pub(crate) size: (u32, u32),
     /// Frames per second.
     #[arg(long, value_name = "HZ", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=300))]
     pub(crate) rate: u32,
-    /// Projector of the depth camera [default: as it is].
+    /// Projector of the depth camera [default: unchanged].
     #[arg(long, value_name = "WHICH")]
     pub(crate) emitter: Option<Switch>,
-    /// Exposure of the colour camera, ms [default: the camera chooses, but never longer than a frame takes].
+    /// Exposure of the colour camera, ms [default: automatic, at most one frame period].
     #[arg(long, value_name = "MS", value_parser = exposure)]
     pub(crate) exposure_ms: Option<f64>,
-    /// Use no inertial sensor, where the camera has one (D435i, D455).
+    /// Do not use the camera's inertial sensor (D435i, D455).
     #[arg(long)]
     pub(crate) no_imu: bool,
-    /// End after so many frames.
+    /// End after this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
     max_frames: Option<u64>,
-    /// Write the log of the run to this file [default: run.log in the result folder].
+    /// Write the run log to this file [default: run.log in the result folder].
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Keep to so many milliseconds per frame by doing less; what frames take is measured.
+    /// Time budget per frame, ms, kept by doing less; the time of each frame is measured.
     #[arg(long, value_name = "N", value_parser = budget_ms)]
     budget_ms: Option<f64>,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
-    /// Resume a map that --save-map wrote: places in it are recognised, and it grows.
+    /// Resume a map written by --save-map: its places are recognised, and it grows.
     #[arg(long, value_name = "FILE", conflicts_with = "localize")]
     load_map: Option<PathBuf>,
-    /// Find the camera in a map that --save-map wrote; the map does not grow.
+    /// Localise in a map written by --save-map; the map does not grow.
     #[arg(long, value_name = "FILE", conflicts_with = "save_map")]
     localize: Option<PathBuf>,
     #[command(flatten)]
@@ -92,7 +92,7 @@ pub(crate) enum Switch {
     Off,
 }
 
-/// `640x480`.
+/// Parses `640x480`.
 fn size(text: &str) -> Result<(u32, u32), String> {
     let sides = text.split_once('x');
     sides
@@ -108,10 +108,10 @@ fn exposure(text: &str) -> Result<f64, String> {
 }
 
 impl LiveRealsenseArgs {
-    /// The arguments of `run` that mean the same.
+    /// The equivalent arguments of `run`.
     pub(crate) fn as_run(&self) -> RunArgs {
         RunArgs {
-            // What the result folder is called.
+            // Names the result folder.
             path: PathBuf::from("realsense"),
             live: Some(LiveChoice::Newest),
             log: self.log.clone(),
@@ -131,8 +131,8 @@ impl LiveRealsenseArgs {
 
 /// Play a recording or data set folder as a camera.
 ///
-/// Frames arrive at their stamps; tracking, detection, mapping and loops run on threads of their own. The same as
-/// run PATH --live: the result folder, its log and the exit codes are those of run, see run --help.
+/// Frames arrive at their time stamps; tracking, detection, mapping and loop closing run on separate threads. Same as run PATH --live: the
+/// result folder, its log and the exit codes are those of run, see run --help.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -147,21 +147,21 @@ pub(crate) struct LiveFileArgs {
     /// Data set folder or recording.
     #[arg(value_name = "FILE")]
     path: PathBuf,
-    /// Track every frame: frames arrive later when tracking is late. Without it such a frame is dropped, and counted.
+    /// Track every frame: when tracking is late, later frames wait. Without this option such a frame is dropped and counted.
     #[arg(long)]
     all: bool,
-    /// Write the log of the run to this file [default: run.log in the result folder].
+    /// Write the run log to this file [default: run.log in the result folder].
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Keep to so many milliseconds per frame by doing less; what frames take is measured.
+    /// Time budget per frame, ms, kept by doing less; the time of each frame is measured.
     #[arg(long, value_name = "N", value_parser = budget_ms)]
     budget_ms: Option<f64>,
     #[command(flatten)]
     output: OutputArgs,
-    /// Resume a map that --save-map wrote: places in it are recognised, and it grows.
+    /// Resume a map written by --save-map: its places are recognised, and it grows.
     #[arg(long, value_name = "FILE", conflicts_with = "localize")]
     load_map: Option<PathBuf>,
-    /// Find the camera in a map that --save-map wrote; the map does not grow.
+    /// Localise in a map written by --save-map; the map does not grow.
     #[arg(long, value_name = "FILE", conflicts_with = "save_map")]
     localize: Option<PathBuf>,
     #[command(flatten)]
@@ -171,7 +171,7 @@ pub(crate) struct LiveFileArgs {
 }
 
 impl LiveFileArgs {
-    /// The arguments of `run` that mean the same, so that both are one code path.
+    /// The equivalent arguments of `run`, so that both share one code path.
     pub(crate) fn as_run(&self) -> RunArgs {
         let choice = if self.all {
             LiveChoice::All

@@ -4,7 +4,7 @@ use crate::sinks::up::direction;
 use clap::{ArgGroup, Args, Subcommand};
 use std::path::PathBuf;
 
-/// Map files: what is in them, whether they are whole, and what other programs can read of them.
+/// Inspect, check, merge and export map files.
 ///
 /// run --save-map FILE writes them.
 #[derive(Debug, Subcommand)]
@@ -31,9 +31,9 @@ pub(crate) enum MapCommand {
     Merge(MapMergeArgs),
 }
 
-/// Write the surface in a map as triangles: binary PLY, or GLB, as the name ends.
+/// Export the surface of a map as triangles: binary PLY or GLB, by the file extension.
 ///
-/// run --dense --save-map FILE leaves it there. PLY has the map's own axes; GLB is turned so that up is up.
+/// The map must come from run --dense --save-map FILE. PLY keeps the map's axes; GLB is rotated so that y is up.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -50,20 +50,19 @@ pub(crate) struct MapMeshArgs {
     /// File to write.
     #[arg(short, long, value_name = "FILE.ply|FILE.glb")]
     pub(crate) out: PathBuf,
-    /// Leave out pieces of less area that hang together with nothing, m^2.
+    /// Drop disconnected pieces with less area than this, m^2.
     #[arg(long, value_name = "M2", default_value_t = 0.01)]
     pub(crate) min_area: f64,
-    /// Direction away from the floor, roughly [default: as the map knows it, else that of a camera that was held
-    /// upright at first].
+    /// Approximate direction away from the floor [default: as stored in the map, else assuming that the camera was first held upright].
     #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
     pub(crate) up: Option<[f64; 3]>,
 }
 
-/// Write the floor plan in a map as ROS 2's map_server reads it: a YAML file and an image of the same name.
+/// Export the floor plan of a map for ROS 2's map_server: a YAML file and an image of the same name.
 ///
-/// Occupied is where a surface is between --low and --high above the floor, free where the camera saw through. What moved
-/// is not in it. Beside it, images of 16 bits in the same places: NAME_crossed.pgm, in how many frames something that moves was
-/// in each cell, and NAME_distance.pgm, how far each cell is from the nearest occupied one, mm.
+/// A cell is occupied where a surface lies between --low and --high above the floor, and free where the camera saw through it. Moving
+/// objects are left out. Two 16-bit images of the same size are written beside it: NAME_crossed.pgm, the number of frames in which
+/// something moving was in each cell, and NAME_distance.pgm, the distance from each cell to the nearest occupied one, mm.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -77,22 +76,21 @@ pub(crate) struct MapGridArgs {
     /// Map file.
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
-    /// File to write; the images lie beside it.
+    /// YAML file to write; the images are written beside it.
     #[arg(short, long, value_name = "FILE.yaml")]
     pub(crate) out: PathBuf,
-    /// Height above the floor from which things are in the way, m.
+    /// Lower end of the height range that counts as an obstacle, above the floor, m.
     #[arg(long, value_name = "M", default_value_t = 0.1)]
     pub(crate) low: f64,
-    /// Height up to which they are, m.
+    /// Upper end of that height range, m.
     #[arg(long, value_name = "M", default_value_t = 1.5)]
     pub(crate) high: f64,
-    /// Direction away from the floor, roughly [default: as the map knows it, else that of a camera that was held
-    /// upright at first].
+    /// Approximate direction away from the floor [default: as stored in the map, else assuming that the camera was first held upright].
     #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
     pub(crate) up: Option<[f64; 3]>,
 }
 
-/// Write the cells in a map that are occupied or free as an octree of OctoMap (.bt).
+/// Export the occupied and free cells of a map as an OctoMap octree (.bt).
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -110,9 +108,10 @@ pub(crate) struct MapOctomapArgs {
     pub(crate) out: PathBuf,
 }
 
-/// List the things in a map: what stands where, how large it is, and when it was seen last.
+/// List the objects in a map: class, position, size, and when each was last seen.
 ///
-/// run --things --save-map FILE leaves them there. Positions are in the map's own axes, m; sizes along the thing's own, of which the third is up.
+/// The map must come from run --things --save-map FILE. Positions are in the map frame, m; sizes are along the object's own axes, of which
+/// the third is up.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -131,11 +130,11 @@ pub(crate) struct MapObjectsArgs {
     pub(crate) json: bool,
 }
 
-/// Make one map of two, where places of the second are recognised in the first.
+/// Merge two maps where places of the second are recognised in the first.
 ///
-/// The result is in the first map's frame of reference. Submaps that are not recognised stay submaps of their own.
-/// Things and surfaces (run --things, --dense) of both maps are put together, surfaces in the voxels of the first; a
-/// warning says what of a surface is left out, and how far off it may be where keyframes were adjusted.
+/// The result is in the first map's frame of reference. Submaps that are not recognised stay separate submaps. Objects and surfaces (run
+/// --things, --dense) of both maps are merged, surfaces at the voxel size of the first; a warning states which part of a surface is left
+/// out, and how far off it may be where keyframes were adjusted.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -146,18 +145,18 @@ pub(crate) struct MapObjectsArgs {
 Exit code 1 when no place was recognised, and nothing was written; 2 when a file cannot be used."
 )]
 pub(crate) struct MapMergeArgs {
-    /// Map file whose frame of reference stays.
+    /// Map file whose frame of reference is kept.
     #[arg(value_name = "A")]
     pub(crate) first: PathBuf,
-    /// Map file that is put into it.
+    /// Map file that is merged into it.
     #[arg(value_name = "B")]
     pub(crate) second: PathBuf,
-    /// File to write. It may be one of the two.
+    /// File to write; may be one of the two.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) out: PathBuf,
 }
 
-/// Show what a map file holds.
+/// Show the contents of a map file.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -176,9 +175,9 @@ pub(crate) struct MapInfoArgs {
     pub(crate) json: bool,
 }
 
-/// Say whether a map file is whole, and if not, what is wrong with it.
+/// Check that a map file is intact, and describe any damage.
 ///
-/// Looks at everything: all checksums, every value, and whether keyframes and landmarks agree.
+/// Checks everything: all checksums, every value, and the consistency of keyframes and landmarks.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -194,9 +193,9 @@ pub(crate) struct MapCheckArgs {
     pub(crate) file: PathBuf,
 }
 
-/// Write parts of a map in formats that other programs read.
+/// Export parts of a map in formats of other programs.
 ///
-/// Of a map in submaps, of which it is not known how they lie to each other, one is written: the largest, or that of --submap.
+/// Where a map has several submaps whose relative poses are unknown, one of them is written: the largest, or that of --submap.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -213,9 +212,9 @@ pub(crate) struct MapExportArgs {
     /// Map file.
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
-    /// Write the landmarks as a point cloud (binary), PLY or PCD as the name ends: x y z, nx ny nz towards the cameras that saw them,
-    /// observers (how many keyframes see it), depth_observers (of these, with depth), found (in how many frames), keyframe (that
-    /// made it).
+    /// Write the landmarks as a binary point cloud, PLY or PCD by the file extension: x y z, nx ny nz towards the cameras that saw them,
+    /// observers (number of keyframes that see it), depth_observers (those with depth), found (number of frames), keyframe (that created
+    /// it).
     #[arg(
         long,
         value_name = "FILE.ply|FILE.pcd",
@@ -223,14 +222,14 @@ pub(crate) struct MapExportArgs {
         verbatim_doc_comment
     )]
     pub(crate) points: Option<PathBuf>,
-    /// Write the poses of the keyframes in the TUM format (timestamp tx ty tz qx qy qz qw), in the order of time.
+    /// Write the keyframe poses in the TUM format (timestamp tx ty tz qx qy qz qw), ordered by time.
     #[arg(long, value_name = "FILE.txt", group = "what")]
     pub(crate) trajectory: Option<PathBuf>,
-    /// Write the keyframes as a pose graph (g2o: VERTEX_SE3:QUAT, EDGE_SE3:QUAT). Edges are measured, with what is known of them as
-    /// information: between parents and covisible pairs by the points that both see, between the ends of loops when they were closed.
+    /// Write the keyframes as a pose graph (g2o: VERTEX_SE3:QUAT, EDGE_SE3:QUAT). Edges are measurements with their information matrices:
+    /// between parents and covisible pairs from their shared points, between the ends of loops from loop closing.
     #[arg(long, value_name = "FILE.g2o", group = "what", verbatim_doc_comment)]
     pub(crate) graph: Option<PathBuf>,
-    /// The submap to write, as map info names it [default: that with most keyframes].
+    /// Submap to write, as named by map info [default: that with most keyframes].
     #[arg(long, value_name = "ID")]
     pub(crate) submap: Option<u32>,
 }

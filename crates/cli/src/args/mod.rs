@@ -1,4 +1,4 @@
-//! The command line, as clap reads it. Every command's help ends with examples.
+//! The command line as clap parses it. The help of every command ends with examples.
 
 pub(crate) mod batch;
 pub(crate) mod datasets;
@@ -47,10 +47,10 @@ const ROOT_EXAMPLES: &str = "Examples:
 
 /// Visual RGB-D SLAM: from a folder of images to a trajectory and its score.
 #[derive(Debug, Parser)]
-// Width 0 leaves lines as they are: clap would wrap them or not, depending on what else is built with it.
+// Width 0 turns wrapping off: whether clap wraps would otherwise depend on the features that other crates enable.
 #[command(name = "stillpoint", version, term_width = 0, after_help = format!("{ROOT_EXAMPLES}{EXIT_CODES}"))]
 pub(crate) struct Arguments {
-    /// Say nothing but errors (results of eval and config print are still printed).
+    /// Print only errors (results of eval and config print are still printed).
     #[arg(
         short,
         long,
@@ -59,7 +59,7 @@ pub(crate) struct Arguments {
         display_order = 900
     )]
     pub(crate) quiet: bool,
-    /// Say what each stage does; -vv adds all of its figures.
+    /// Print messages of each stage; -vv adds all of their figures.
     #[arg(short, long, global = true, action = ArgAction::Count, display_order = 901)]
     pub(crate) verbose: u8,
     #[command(subcommand)]
@@ -108,7 +108,7 @@ pub(crate) enum ConfigCommand {
 
 /// Print the resolved configuration as TOML, every value with its meaning.
 ///
-/// Layers, later ones win: defaults, --config, --set in the given order, --seed.
+/// Layers, later ones override: defaults, --config, --set in the given order, --seed.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -121,13 +121,13 @@ pub(crate) struct PrintArgs {
     pub(crate) config: ConfigArgs,
 }
 
-/// Layers of the configuration, shared by the commands that run the system.
+/// Configuration layers, shared by the commands that run the system.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct ConfigArgs {
-    /// Configuration file (TOML); what it does not name keeps its default.
+    /// Configuration file (TOML); settings not given keep their defaults.
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// Set one value, e.g. features.features=1500; may be repeated, and wins over the file.
+    /// Set one value, e.g. features.features=1500; may be repeated, and overrides the file.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
     /// Seed of every random choice; short for --set seed=N.
@@ -135,15 +135,15 @@ pub(crate) struct ConfigArgs {
     pub(crate) seed: Option<u64>,
 }
 
-/// Which frames of a data set or recording, seen by which camera.
+/// Which frames of a data set or recording, and the camera that took them.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct InputArgs {
-    /// Camera file (camera.toml or camera.txt) or preset; guessed when not given.
-    /// Presets: tum_fr1, tum_fr2, tum_fr3, bonn, bonn_calibrated, icl_nuim, seven_scenes; by data sheets:
-    /// realsense_d435, realsense_d455, realsense_l515, azure_kinect, femto_bolt, oak_d
+    /// Camera file (camera.toml or camera.txt) or preset; guessed when not given. Presets: tum_fr1, tum_fr2, tum_fr3, bonn,
+    /// bonn_calibrated, icl_nuim, seven_scenes; by data sheets: realsense_d435, realsense_d455, realsense_l515, azure_kinect, femto_bolt,
+    /// oak_d
     #[arg(long, value_name = "FILE|PRESET", verbatim_doc_comment)]
     pub(crate) camera: Option<String>,
-    /// Leave out this many frames at the start.
+    /// Skip this many frames at the start.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) start: usize,
     /// Read at most this many frames.
@@ -158,7 +158,7 @@ pub(crate) struct InputArgs {
     pub(crate) strict: bool,
 }
 
-/// Which messages of a recording; data set folders have no use for these.
+/// Which messages of a recording to use; ignored for data set folders.
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 pub(crate) struct TopicArgs {
     /// Topic of the colour images of a recording; guessed when not given.
@@ -170,29 +170,28 @@ pub(crate) struct TopicArgs {
     /// Topic of the camera info of the colour images [default: the one beside them, else the only one of their frame and size].
     #[arg(long, value_name = "TOPIC")]
     pub(crate) info_topic: Option<String>,
-    /// Topic of poses or odometry in a recording that is ground truth [default: no ground truth].
+    /// Topic of ground truth poses or odometry in a recording [default: no ground truth].
     #[arg(long, value_name = "TOPIC")]
     pub(crate) truth_topic: Option<String>,
-    /// Topic of the inertial sensor in a recording (angular rates; with the forces, or beside their topic)
-    /// [default: the camera's own, where it is known how it is mounted].
+    /// Topic of the inertial sensor in a recording (angular rates; with the accelerations, or beside their topic) [default: the camera's
+    /// own sensor, where its mounting is known].
     #[arg(long, value_name = "TOPIC")]
     pub(crate) imu_topic: Option<String>,
-    /// Use no inertial sensor, of a recording or a data set folder.
+    /// Do not use the inertial sensor of a recording or data set folder.
     #[arg(long, conflicts_with = "imu_topic")]
     pub(crate) no_imu: bool,
-    /// Topic of the wheels' odometry in a recording
-    /// [default: the only one that can be of wheels, where it is known how the camera stands on the base].
+    /// Topic of wheel odometry in a recording [default: the only candidate, where the camera's pose on the base is known].
     #[arg(long, value_name = "TOPIC")]
     pub(crate) odometry_topic: Option<String>,
-    /// Use no wheel odometry, of a recording or a data set folder.
+    /// Do not use the wheel odometry of a recording or data set folder.
     #[arg(long, conflicts_with = "odometry_topic")]
     pub(crate) no_odometry: bool,
-    /// Depth values per metre of a recording [default: what the device says, else 1000, and 1 of floats].
+    /// Depth values per metre of a recording [default: as stated by the device, else 1000, and 1 for floats].
     #[arg(long, value_name = "N", value_parser = depth_scale)]
     pub(crate) depth_scale: Option<f64>,
 }
 
-/// Values per metre.
+/// Parses values per metre.
 fn depth_scale(text: &str) -> Result<f64, String> {
     let scale = text.parse().ok();
     scale
@@ -201,7 +200,7 @@ fn depth_scale(text: &str) -> Result<f64, String> {
 }
 
 impl InputArgs {
-    /// The same with another detector.
+    /// A copy with another detector argument.
     pub(crate) fn with_detector(&self, argument: String) -> Self {
         Self {
             detector: DetectorArgs {
@@ -213,7 +212,7 @@ impl InputArgs {
     }
 }
 
-/// A number above zero.
+/// Parses a number above zero.
 fn positive(text: &str) -> Result<f64, String> {
     let number = text
         .parse()
@@ -224,23 +223,20 @@ fn positive(text: &str) -> Result<f64, String> {
 
 /// Run data sets several times and report accuracy, speed and memory.
 ///
-/// Every run is a process of its own, one after the other. Writes bench.md and bench.json; the
-/// results of the runs stay in runs/ beside them.
+/// Runs are separate processes, one after the other. Writes bench.md and bench.json; the results of the runs stay in runs/ beside them.
 ///
-/// With --suite, each PATH and three levels of folders below it are searched for the sequences of a public
-/// data set, by their published names. Those found are run. suite.md and suite.json compare their errors
-/// with published errors of other systems and name the sources. A sequence that fails is listed with its
-/// error. Runs differ in their seeds. Bonn's sequences run with both published depth factors, unless
-/// --camera names one. --ablation and --live add runs of each sequence. --pull downloads missing sequences
-/// from their official pages into the first PATH (default: data).
+/// With --suite, each PATH and three levels of folders below it are searched for the sequences of a public data set, by their published
+/// names. Those found are run. suite.md and suite.json compare their errors with published errors of other systems and name the sources. A
+/// sequence that fails is listed with its error. Runs differ in their seeds. Bonn's sequences run with both published depth factors, unless
+/// --camera names one. --ablation and --live add runs of each sequence. --pull downloads missing sequences from their official pages into
+/// the first PATH (default: data).
 ///
-/// With --ablation, each PATH is run with seven configurations of the static filter: none, objects (O),
-/// epipolar constraint (G), O+G, O+G and depth (O+G+D), as published, preset adapted, and the default one.
-/// Writes ablation.md and ablation.json, beside the published ablation where a name matches. Runs differ
-/// in their seeds.
+/// With --ablation, each PATH is run with seven configurations of the static filter: none, objects (O), epipolar constraint (G), O+G, O+G
+/// and depth (O+G+D), as published, preset adapted, and the default one. Writes ablation.md and ablation.json, beside the published
+/// ablation where a name matches. Runs differ in their seeds.
 ///
-/// sim:SCENE stands for a simulated scene, with the simulator's own detections unless --detector says
-/// otherwise. In --detector, {} stands for the folder: scripted:{}/detections.csv.
+/// sim:SCENE is a simulated scene, with the simulator's own detections unless --detector is given. In --detector, {} stands for the folder:
+/// scripted:{}/detections.csv.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -257,25 +253,25 @@ Exit code 1 when a frame was lost (of an ablation: by the default filter), a run
 2 when a data set, the output folder, or no sequence of a suite can be used."
 )]
 pub(crate) struct BenchArgs {
-    /// Data set folders, or sim:SCENE; with --suite, folders to look in.
+    /// Data set folders, or sim:SCENE; with --suite, folders to search.
     #[arg(value_name = "PATH", required_unless_present = "pull")]
     pub(crate) paths: Vec<PathBuf>,
-    /// Run all sequences of a public data set that are found, and compare with published figures.
+    /// Run all sequences found of a public data set, and compare with published figures.
     #[arg(long, value_name = "NAME", value_enum)]
     pub(crate) suite: Option<Suite>,
-    /// Get the sequences of the suite that are missing, as datasets pull does.
+    /// Download missing sequences of the suite, as datasets pull does.
     #[arg(long, requires = "suite")]
     pub(crate) pull: bool,
-    /// Server with the same paths to get them from, instead of the official one.
+    /// Mirror with the same paths, instead of the official server.
     #[arg(long, value_name = "URL", requires = "pull")]
     pub(crate) mirror: Option<String>,
-    /// Show what each part of the static filter is worth.
+    /// Measure the contribution of each part of the static filter.
     #[arg(long)]
     pub(crate) ablation: bool,
-    /// Run the sequences of a suite live as well.
+    /// Also run the sequences of a suite live.
     #[arg(long, requires = "suite")]
     pub(crate) live: bool,
-    /// Runs per data set; with --suite or --ablation, seeds of every configuration, from --seed on.
+    /// Runs per data set; with --suite or --ablation, number of seeds per configuration, counted up from --seed.
     #[arg(long, visible_alias = "seeds", value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) runs: u32,
     /// Folder to write to.
@@ -292,7 +288,7 @@ mod tests {
     use super::*;
     use clap::CommandFactory;
 
-    /// The commands of a text, one a line; what a shell makes of a line is left out.
+    /// The commands in a text, one per line, without comments, pipes and redirections.
     fn commands(text: &str) -> Vec<Vec<String>> {
         let lines = text.lines().map(str::trim);
         let command = |line: &str| {

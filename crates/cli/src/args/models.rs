@@ -1,10 +1,10 @@
-//! Arguments of the commands about detectors, and those that the commands with a detector share.
+//! Arguments of the model commands, and the detector options that several commands share.
 
 use crate::args::TopicArgs;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
-/// What runs networks.
+/// Runtime of networks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum RuntimeChoice {
     /// ONNX Runtime where its library is found, else rten.
@@ -12,12 +12,12 @@ pub(crate) enum RuntimeChoice {
     Auto,
     /// Built in.
     Rten,
-    /// The library of ONNX Runtime.
+    /// The ONNX Runtime library.
     Onnxruntime,
 }
 
 impl RuntimeChoice {
-    /// As it is written on the command line.
+    /// The name on the command line.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
@@ -27,20 +27,19 @@ impl RuntimeChoice {
     }
 }
 
-/// Which detector looks at the frames, and what runs its network.
+/// The detector and its runtime.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct DetectorArgs {
-    /// Object detector: none, scripted:FILE.csv (timestamp,class,score,x0,y0,x1,y1), a model as FILE.onnx (its card, where
-    /// it needs one, is FILE.toml beside it), or the name of a model in the cache.
-    /// [default: a model of the cache if there is one, else none]
+    /// Object detector: none, scripted:FILE.csv (timestamp,class,score,x0,y0,x1,y1), a model as FILE.onnx (its card, if needed, is
+    /// FILE.toml beside it), or the name of a model in the cache. [default: a model of the cache if there is one, else none]
     #[arg(
         long,
         value_name = "none|scripted:FILE.csv|FILE.onnx|NAME",
         verbatim_doc_comment
     )]
     pub(crate) detector: Option<String>,
-    /// What runs networks: rten, which is built in, onnxruntime, whose library must be found and which is two to three
-    /// times faster, or auto: onnxruntime where its library is found, else rten.
+    /// Runtime of networks: rten (built in), onnxruntime (two to three times faster; its library must be installed), or auto: onnxruntime
+    /// where its library is found, else rten.
     #[arg(
         long,
         value_name = "auto|rten|onnxruntime",
@@ -55,10 +54,10 @@ pub(crate) struct DetectorArgs {
     pub(crate) detector_threads: u8,
 }
 
-/// What runs a network on its own.
+/// Runtime of a network outside of a run.
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct NetworkArgs {
-    /// What runs the network: rten, onnxruntime, or auto: onnxruntime where its library is found, else rten.
+    /// Runtime of the network: rten, onnxruntime, or auto: onnxruntime where its library is found, else rten.
     #[arg(
         long,
         value_name = "auto|rten|onnxruntime",
@@ -72,15 +71,14 @@ pub(crate) struct NetworkArgs {
     pub(crate) threads: u8,
 }
 
-/// Find objects in images.
+/// Detect objects in images.
 ///
-/// PATH is an image (PNG, JPEG or WebP), a folder of images, taken in the order of their names, an
-/// RGB-D data set folder or a recording, whose time stamps the detections then have.
+/// PATH is an image (PNG, JPEG or WebP), a folder of images in the order of their names, an RGB-D data set folder or a recording;
+/// detections of the latter two have the time stamps of the frames.
 ///
-/// With --out, detections.csv (timestamp,class,score,x0,y0,x1,y1; raw pixels) and a picture with boxes
-/// for every image (boxes_NAME.png) are written. Of data sets and recordings, that table can be played back by
-/// run --detector scripted:FILE. Images without time stamps get the number that is their file's name,
-/// or their index.
+/// With --out, detections.csv (timestamp,class,score,x0,y0,x1,y1; raw pixels) and an image with boxes per input image (boxes_NAME.png) are
+/// written. For data sets and recordings, run --detector scripted:FILE plays that table back. Images without time stamps get the number in
+/// their file name, or their index.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -98,14 +96,14 @@ pub(crate) struct DetectArgs {
     /// Image, folder of images, data set folder, or recording.
     #[arg(value_name = "IMAGE|FOLDER|FILE")]
     pub(crate) path: PathBuf,
-    /// Model: FILE.onnx (its card, where it needs one, is FILE.toml beside it), or the name of a model in the cache.
-    /// [default: the model of the cache that run uses]
+    /// Model: FILE.onnx (its card, if needed, is FILE.toml beside it), or the name of a model in the cache. [default: the model of the
+    /// cache that run uses]
     #[arg(long, value_name = "FILE.onnx|NAME", verbatim_doc_comment)]
     pub(crate) model: Option<String>,
-    /// Folder to write the table and the pictures to.
+    /// Folder for the table and the images.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Least score of a detection, over 0 to 1.
+    /// Minimum score of a detection, above 0 and up to 1.
     #[arg(long, value_name = "SCORE", default_value_t = 0.25)]
     pub(crate) score: f32,
     #[command(flatten)]
@@ -114,10 +112,10 @@ pub(crate) struct DetectArgs {
     pub(crate) network: NetworkArgs,
 }
 
-/// Models of detectors: those that are known, and those in the cache.
+/// List, download and check detector models.
 ///
-/// The cache is the folder that STILLPOINT_CACHE names, else the user's own (~/.cache/stillpoint). A model of
-/// the cache is used by its name: --detector NAME, --model NAME.
+/// The cache is the folder in STILLPOINT_CACHE, else the user's own (~/.cache/stillpoint). A model in the cache is used by its name:
+/// --detector NAME, --model NAME.
 #[derive(Debug, Subcommand)]
 #[command(
     verbatim_doc_comment,
@@ -134,7 +132,7 @@ pub(crate) enum ModelsCommand {
     Check(CheckArgs),
 }
 
-/// List known models, those in the cache, and the runtimes that are found.
+/// List known models, models in the cache, and available runtimes.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -143,11 +141,11 @@ pub(crate) enum ModelsCommand {
 )]
 pub(crate) struct ListArgs {}
 
-/// Get a known model from its makers' release into the cache.
+/// Download a known model from its authors' release into the cache.
 ///
-/// A download that breaks off, or that Ctrl-C ends, is kept and resumed the next time. The file is
-/// compared with its checksum; where that is not known, it is recorded, and later downloads are compared
-/// with the record. A checkpoint (yolov7-tiny) is turned into ONNX; nothing in it is executed.
+/// An interrupted download (also by Ctrl-C) is kept and resumed the next time. The file is compared with its checksum; where none is known,
+/// the first one is recorded and later downloads are compared with it. A checkpoint (yolov7-tiny) is converted to ONNX; nothing in it is
+/// executed.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -164,18 +162,18 @@ pub(crate) struct PullArgs {
     /// Name of a known model: see models list.
     #[arg(value_name = "NAME")]
     pub(crate) name: String,
-    /// Download it although it is here, or another model of that name, which is replaced.
+    /// Download even if it is in the cache, and replace any model of that name.
     #[arg(long)]
     pub(crate) again: bool,
-    /// Server with the same paths to get it from, instead of https://github.com.
+    /// Mirror with the same paths, instead of https://github.com.
     #[arg(long, value_name = "URL")]
     pub(crate) mirror: Option<String>,
 }
 
-/// Put a model file into the cache: ONNX as it is, a checkpoint of YOLOv7-tiny (.pt) turned into ONNX.
+/// Add a model file to the cache: ONNX as it is, a YOLOv7-tiny checkpoint (.pt) converted to ONNX.
 ///
-/// The model is run once first, and refused if it cannot be used. Where it needs a card, that is FILE.toml
-/// beside it; the card of a checkpoint is made from what is in it. Nothing in a checkpoint is executed.
+/// The model is run once first, and refused if it cannot be used. Its card, if needed, is FILE.toml beside it; the card of a checkpoint is
+/// derived from its contents. Nothing in a checkpoint is executed.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -191,12 +189,12 @@ pub(crate) struct ImportArgs {
     /// Name in the cache [default: that of the known model, else of the file].
     #[arg(long, value_name = "NAME")]
     pub(crate) name: Option<String>,
-    /// Write the model to this file, and its card beside it, instead of to the cache.
+    /// Write the model to this file and its card beside it, instead of to the cache.
     #[arg(long, value_name = "FILE.onnx", conflicts_with = "name")]
     pub(crate) out: Option<PathBuf>,
 }
 
-/// Load a model, run it once, and show what it is.
+/// Load a model, run it once, and describe it.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -213,7 +211,7 @@ pub(crate) struct CheckArgs {
     /// Model: FILE.onnx, or the name of a model in the cache.
     #[arg(value_name = "FILE.onnx|NAME")]
     pub(crate) model: String,
-    /// For the program itself: tries the model that comes in on stdin, within limits, for who named it by this option.
+    /// Internal: tries a model from stdin within resource limits, for the process identified by this value.
     #[arg(long, value_name = "OPTION", hide = true)]
     pub(crate) trial: Option<String>,
     #[command(flatten)]

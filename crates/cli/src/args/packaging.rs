@@ -22,7 +22,7 @@ pub(crate) struct CompletionsArgs {
   stillpoint man ~/.local/share/man/man1
   man stillpoint-run")]
 pub(crate) struct ManArgs {
-    /// Folder to write to; made where there is none.
+    /// Folder to write to; created if missing.
     #[arg(value_name = "DIR")]
     pub(crate) out: PathBuf,
 }

@@ -4,7 +4,7 @@ use crate::args::TopicArgs;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
-/// Look into recordings, convert them, and cut parts out of them.
+/// Inspect, convert and cut recordings.
 #[derive(Debug, Subcommand)]
 #[command(after_help = "Examples:
   stillpoint recording info walk.mcap
@@ -16,7 +16,7 @@ pub(crate) enum RecordingCommand {
     Cut(RecordingCutArgs),
 }
 
-/// Print what is in a recording: topics, types, messages, and what a run would take for its camera.
+/// List the topics, types and message counts of a recording, and the topics that a run would use.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -27,10 +27,10 @@ pub(crate) enum RecordingCommand {
 Exit code 2 when it is no recording, or cannot be read."
 )]
 pub(crate) struct RecordingInfoArgs {
-    /// Recording: MCAP, folder or data base of rosbag2, or ROS 1 bag.
+    /// Recording: MCAP, rosbag2 folder or database, or ROS 1 bag.
     #[arg(value_name = "PATH")]
     pub(crate) path: PathBuf,
-    /// Print it as JSON.
+    /// Print JSON.
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]
@@ -39,8 +39,8 @@ pub(crate) struct RecordingInfoArgs {
 
 /// Write the frames of a recording or data set as MCAP or as a data set folder.
 ///
-/// A name that ends with .mcap becomes an MCAP file: raw colour, depth in metres, camera and ground truth, without loss. Any
-/// other name becomes a folder in the TUM layout, whose depth has 5000 values per metre and ends at 13.1 m.
+/// A name that ends with .mcap gives an MCAP file: raw colour, depth in metres, camera and ground truth, lossless. Any other name gives a
+/// folder in the TUM layout, whose depth has 5000 values per metre and ends at 13.1 m.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -54,19 +54,19 @@ pub(crate) struct RecordingConvertArgs {
     /// Recording or data set folder.
     #[arg(value_name = "PATH")]
     pub(crate) path: PathBuf,
-    /// File or folder to write; nothing may be there yet.
+    /// File or folder to write; must not exist yet.
     #[arg(value_name = "OUT")]
     pub(crate) out: PathBuf,
     /// Camera file or preset [default: as for run].
     #[arg(long, value_name = "FILE|PRESET")]
     pub(crate) camera: Option<String>,
-    /// Leave out this many frames at the start.
+    /// Skip this many frames at the start.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) start: usize,
     /// Write at most this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
     pub(crate) max_frames: Option<u64>,
-    /// Print what was written as JSON.
+    /// Print a summary of the output as JSON.
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]
@@ -75,8 +75,8 @@ pub(crate) struct RecordingConvertArgs {
 
 /// Write a part of a recording or data set as MCAP.
 ///
-/// The part is given by time, by frames, or by one of each. What is written is what convert writes: raw colour, depth in
-/// metres, camera and ground truth of the part, without loss; other topics are left out.
+/// The part is given by time, by frames, or by one of each. The output is that of convert: raw colour, depth in metres, camera and ground
+/// truth of the part, lossless; other topics are left out.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -91,16 +91,16 @@ pub(crate) struct RecordingCutArgs {
     /// Recording or data set folder.
     #[arg(value_name = "PATH")]
     pub(crate) path: PathBuf,
-    /// MCAP file to write; nothing may be there yet.
+    /// MCAP file to write; must not exist yet.
     #[arg(value_name = "OUT")]
     pub(crate) out: PathBuf,
-    /// Begin at the first frame that is at least this many seconds after the first of the recording.
+    /// Begin at the first frame at least this many seconds after the first of the recording.
     #[arg(long, value_name = "S", conflicts_with = "start", value_parser = seconds)]
     pub(crate) start_time: Option<f64>,
-    /// End before the first frame that is at least this many seconds after the first of the recording.
+    /// End before the first frame at least this many seconds after the first of the recording.
     #[arg(long, value_name = "S", conflicts_with = "max_frames", value_parser = seconds)]
     pub(crate) end_time: Option<f64>,
-    /// Leave out this many frames at the start.
+    /// Skip this many frames at the start.
     #[arg(long, value_name = "N")]
     pub(crate) start: Option<usize>,
     /// Write at most this many frames.
@@ -109,7 +109,7 @@ pub(crate) struct RecordingCutArgs {
     /// Camera file or preset [default: as for run].
     #[arg(long, value_name = "FILE|PRESET")]
     pub(crate) camera: Option<String>,
-    /// Print what was written as JSON.
+    /// Print a summary of the output as JSON.
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]

@@ -4,12 +4,12 @@ use crate::args::positive;
 use clap::Args;
 use std::path::PathBuf;
 
-/// Make a moving picture of a run.
+/// Make an animation of a run.
 ///
-/// On the left the view, with what moves tinted, and features green where they were used and red where they were
-/// rejected; on the right the surface as it grows, and the trajectory over it, with the true one where it is known
-/// and those that --also names, each with its ATE. The run is repeated from the log in its result folder, so its
-/// input has to be there. The file's ending says what is made: .webp and .gif move, .png is the last picture.
+/// On the left the camera image, with moving regions tinted, used features in green and rejected ones in red; on the right the growing
+/// surface with the trajectory, the true one where it is known, and those given by --also, each with its ATE. The run is repeated from the
+/// log in its result folder, so its input must still exist. The file extension selects the format: .webp and .gif are animated, .png is the
+/// last image.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -26,16 +26,16 @@ pub(crate) struct RenderArgs {
     /// Result folder of run, live or demo.
     #[arg(value_name = "RESULT")]
     pub(crate) result: PathBuf,
-    /// The picture: a file that ends in .webp, .gif or .png.
+    /// File to write: .webp, .gif or .png.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) out: PathBuf,
-    /// Data set folder or recording of the run [default: where it was then].
+    /// Data set folder or recording of the run [default: its path at that time].
     #[arg(long, value_name = "PATH")]
     pub(crate) input: Option<PathBuf>,
-    /// Another trajectory and its name, in TUM's format; aligned by a rigid motion. May be given several times.
+    /// Another trajectory and its name, TUM format; aligned by a rigid motion. May be given several times.
     #[arg(long, value_name = "NAME=FILE", value_parser = also)]
     pub(crate) also: Vec<Also>,
-    /// Size of the file, MB (10^6 bytes), at most: it is kept by fewer and smaller pictures.
+    /// Maximum file size, MB (10^6 bytes); kept by fewer and smaller images.
     #[arg(long, value_name = "MB", default_value_t = 3.0, value_parser = positive)]
     pub(crate) max_mb: f64,
 }

@@ -8,14 +8,14 @@ use std::path::PathBuf;
 /// Which frames of a live run are tracked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LiveChoice {
-    /// A frame that comes too late gives way to the next one.
+    /// A late frame is dropped in favour of the next one.
     Newest,
     /// All.
     All,
 }
 
 impl LiveChoice {
-    /// As it is written on the command line.
+    /// The name on the command line.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Newest => "newest",
@@ -26,22 +26,20 @@ impl LiveChoice {
 
 /// Run SLAM on a data set folder or a recording.
 ///
-/// The layout of a folder (TUM, Bonn, ICL-NUIM, 7-Scenes), the topics of a recording (MCAP,
-/// rosbag2, ROS 1 bag) and the camera are guessed, and each guess is printed. With ground truth the score is printed too.
+/// The layout of a folder (TUM, Bonn, ICL-NUIM, 7-Scenes), the topics of a recording (MCAP, rosbag2, ROS 1 bag) and the camera are guessed,
+/// and each guess is printed. With ground truth the score is printed too.
 ///
-/// The result folder holds trajectory.txt (final poses of the frames that were tracked with at
-/// least 30 inliers; TUM format), trajectory_covariance.txt and trajectory_covariance_in_map.txt
-/// (how uncertain they are), trajectory_online.txt (the poses as known at each frame),
-/// keyframes.txt, config.toml (the resolved configuration), summary.json, report.html (all of it to
-/// look at, in one page: see report --help), and plots. An older
-/// result in it is replaced only when the run has ended. Ctrl-C ends the run after the frame at
-/// hand and writes what there is; a second Ctrl-C ends it at once.
+/// The result folder holds trajectory.txt (final poses of the frames that were tracked with at least 30 inliers; TUM format),
+/// trajectory_covariance.txt and trajectory_covariance_in_map.txt (their uncertainty), trajectory_online.txt (the poses as known at each
+/// frame), keyframes.txt, config.toml (the resolved configuration), summary.json, report.html (an interactive page of all this: see report
+/// --help), and plots. An older result in the folder is replaced only when the run has ended. Ctrl-C ends the run after the current frame
+/// and writes its results; a second Ctrl-C ends it at once.
 ///
-/// With --live the data set is played as a camera: frames arrive at their stamps, and tracking,
-/// detection, mapping and loops run on threads of their own.
+/// With --live the data set is played as a camera: frames arrive at their time stamps, and tracking, detection, mapping and loop closing
+/// run on separate threads.
 ///
-/// run.log in the result folder says in which order the stages took their messages, which depends on
-/// threads and clocks in a live run, and what the detector said: see replay --help.
+/// run.log in the result folder records the order in which the stages took their messages, which depends on threads and clocks in a live
+/// run, and the detections: see replay --help.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -73,8 +71,8 @@ pub(crate) struct RunArgs {
     /// Data set folder or recording.
     #[arg(value_name = "PATH")]
     pub(crate) path: PathBuf,
-    /// Play the data set as a camera. A frame that tracking has not taken when the next one arrives is dropped, and counted;
-    /// with --live=all tracking takes every frame, and frames arrive later when it is late.
+    /// Play the data set as a camera. A frame that tracking has not taken when the next one arrives is dropped and counted; with --live=all
+    /// tracking takes every frame, and later frames wait when it is late.
     #[arg(
         long,
         value_name = "newest|all",
@@ -86,19 +84,19 @@ pub(crate) struct RunArgs {
         verbatim_doc_comment
     )]
     pub(crate) live: Option<LiveChoice>,
-    /// Write the log of the run to this file [default: run.log in the result folder].
+    /// Write the run log to this file [default: run.log in the result folder].
     #[arg(long, value_name = "FILE")]
     pub(crate) log: Option<PathBuf>,
-    /// Keep to so many milliseconds per frame by doing less: fewer keypoints, less mapping, and the detector asked more rarely. A live run
-    /// measures what frames take; any other plans with a fixed table, and stays the same on every machine.
+    /// Time budget per frame, ms, kept by doing less: fewer keypoints, less mapping, and fewer detector calls. A live run measures the time
+    /// of each frame; any other run plans with a fixed table, and gives the same result on every machine.
     #[arg(long, value_name = "N", value_parser = budget_ms, verbatim_doc_comment)]
     pub(crate) budget_ms: Option<f64>,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
-    /// Resume a map that --save-map wrote: places in it are recognised, and it grows.
+    /// Resume a map written by --save-map: its places are recognised, and it grows.
     #[arg(long, value_name = "FILE", conflicts_with = "localize")]
     pub(crate) load_map: Option<PathBuf>,
-    /// Find the camera in a map that --save-map wrote, in that map's frame of reference. The map is only read: it does not grow.
+    /// Localise in a map written by --save-map, in that map's frame of reference. The map is only read: it does not grow.
     #[arg(
         long,
         value_name = "FILE",
@@ -112,7 +110,7 @@ pub(crate) struct RunArgs {
     pub(crate) config: ConfigArgs,
 }
 
-/// A time per frame, ms.
+/// Parses a time per frame, ms.
 pub(crate) fn budget_ms(text: &str) -> Result<f64, String> {
     let ms = text.parse().ok();
     ms.filter(|ms| (1.0..=1000.0).contains(ms))
@@ -121,11 +119,10 @@ pub(crate) fn budget_ms(text: &str) -> Result<f64, String> {
 
 /// Repeat a run, bit for bit.
 ///
-/// LOG is the run.log that run left, live or not, and PATH the data set that it was run on. The stages take
-/// the same frames, detections and messages in the same order as then, whatever threads and clocks there
-/// are now: trajectories, frames.csv and the map are the same to the byte, as long as data set,
-/// loaded map and program are. Configuration, camera and map file are those in the log, unless other ones
-/// are named. The detector is not needed: what it said is in the log.
+/// LOG is the run.log that a run left, live or not, and PATH its data set. The stages take the same frames, detections and messages in the
+/// same order as in that run, independent of threads and clocks: trajectories, frames.csv and the map are the same to the byte, provided
+/// that data set, loaded map and program are. Configuration, camera and map file are those in the log, unless others are given. No detector
+/// is needed: its output is in the log.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -146,10 +143,10 @@ pub(crate) struct ReplayArgs {
     pub(crate) path: PathBuf,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
-    /// Where the map lies now that the run resumed.
+    /// New path of the map that the run resumed.
     #[arg(long, value_name = "FILE", conflicts_with = "localize")]
     pub(crate) load_map: Option<PathBuf>,
-    /// Where the map lies now that the run found the camera in.
+    /// New path of the map that the run localised in.
     #[arg(long, value_name = "FILE", conflicts_with = "save_map")]
     pub(crate) localize: Option<PathBuf>,
     /// Camera file or preset [default: as in the run].

@@ -1,10 +1,10 @@
-//! Arguments of what runs on the simulator: `demo` and `simulate`.
+//! Arguments of the commands that use the simulator: `demo` and `simulate`.
 
 use crate::args::ConfigArgs;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-/// Where the demo's detections come from.
+/// Source of the demo's detections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DemoDetector {
     /// The simulator's own.
@@ -15,10 +15,9 @@ pub(crate) enum DemoDetector {
 
 /// Simulate a room with people in it, run SLAM on it without and with the static filter, and compare.
 ///
-/// Needs no input and no download. It ends with demo.webp in the result folder: the view, the surface as it
-/// grows without the people, and both trajectories. The results, as those of `run`, are in off/ and on/
-/// beside it, and so are side_by_side.png, animation.gif, comparison.svg and .png. With -v a table has
-/// every figure of both.
+/// Needs no input and no download. Writes demo.webp to the result folder: the camera image, the surface as it grows without the people, and
+/// both trajectories. The results, as those of `run`, are in off/ and on/ beside it, and so are side_by_side.png, animation.gif,
+/// comparison.svg and .png. With -v a table has every figure of both.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -35,7 +34,7 @@ pub(crate) struct DemoArgs {
     /// Scene to simulate: any of those of simulate.
     #[arg(long, value_name = "NAME", default_value = "walking_xyz")]
     pub(crate) scene: String,
-    /// Where detections come from: the simulator's own, of which 30 % are missing, or nowhere.
+    /// Source of detections: the simulator, with 30 % missing, or none.
     #[arg(
         long,
         value_name = "simulated|none",
@@ -56,10 +55,9 @@ pub(crate) struct DemoArgs {
 
 /// Write a simulated data set with exact ground truth, in the TUM layout.
 ///
-/// Where something moves, mask/ says which pixels belong to which mover (0: none), boxes.csv holds
-/// the boxes around them (timestamp,mover,x0,y0,x1,y1,visible_px) with position (m) and velocity
-/// (m/s) in the world (px,py,pz,vx,vy,vz), and detections.csv holds what a small network would find
-/// (30 % missed, borders off by 4 px), for run --detector scripted:FILE.
+/// Where something moves, mask/ labels the pixels of each mover (0: none), boxes.csv holds their bounding boxes
+/// (timestamp,mover,x0,y0,x1,y1,visible_px) with position (m) and velocity (m/s) in the world (px,py,pz,vx,vy,vz), and detections.csv holds
+/// simulated detections of a small network (30 % missed, borders off by 4 px), for run --detector scripted:FILE.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -85,44 +83,40 @@ pub(crate) struct SimulateArgs {
     /// Seed of room, textures and noise.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
-    /// Ideal images: no noise, no holes, no exposure change; detections that miss nothing.
+    /// Ideal images: no noise, no holes, no exposure change; no missed detections.
     #[arg(long)]
     pub(crate) ideal: bool,
-    /// Let detections.csv know furniture, too: chairs, desks (dining table), screens (tv), keyboards, books and cups. Without it
-    /// only people are found, and only scenes in which something moves have the file.
+    /// Include furniture in detections.csv: chairs, desks (dining table), screens (tv), keyboards, books and cups. Without this option it
+    /// holds people only, and is written only for scenes in which something moves.
     #[arg(long, verbatim_doc_comment)]
     pub(crate) furniture: bool,
-    /// With an inertial sensor on the camera, a Bosch BMI055 at 200 Hz: imu.csv, and how it is mounted in
-    /// camera.toml.
+    /// Add an inertial sensor, a Bosch BMI055 at 200 Hz: imu.csv, and its mounting in camera.toml.
     #[arg(long)]
     pub(crate) imu: bool,
-    /// With wheel odometry of a base that carries the camera, at 50 Hz: odometry.csv, and how the camera stands on it in
-    /// camera.toml.
+    /// Add wheel odometry of a base that carries the camera, at 50 Hz: odometry.csv, and the camera's pose on the base in camera.toml.
     #[arg(long, verbatim_doc_comment)]
     pub(crate) odometry: bool,
-    /// When its wheels spin for half a second, at 0.5 m/s and without moving the base, s; may be given several times.
+    /// Time at which the wheels spin for half a second, at 0.5 m/s and without moving the base, s; may be given several times.
     #[arg(long, value_name = "S", requires = "odometry")]
     pub(crate) slip: Vec<f64>,
-    /// Colour images as JPEG instead of PNG: a third of the size.
+    /// Write colour images as JPEG instead of PNG: a third of the size.
     #[arg(long)]
     pub(crate) jpeg: bool,
-    /// Rolling shutter: time from the colour image's first row to its last, s [default: the
-    /// scene's own].
+    /// Rolling shutter: readout time of the colour image, first row to last, s [default: the scene's own].
     #[arg(long, value_name = "S")]
     pub(crate) readout: Option<f64>,
-    /// The same of the depth image, s [default: the scene's own].
+    /// Readout time of the depth image, s [default: the scene's own].
     #[arg(long, value_name = "S")]
     pub(crate) depth_readout: Option<f64>,
-    /// Motion blur: how long each row of the colour image is exposed, s [default: the scene's own].
+    /// Motion blur: exposure time of each row of the colour image, s [default: the scene's own].
     #[arg(long, value_name = "S")]
     pub(crate) exposure: Option<f64>,
-    /// How depth errs: by noise of each pixel alone, or as a structured-light camera [default: the
-    /// scene's own].
+    /// Depth error model: independent noise per pixel, or a structured-light camera [default: the scene's own].
     #[arg(long, value_name = "MODEL", value_parser = ["independent", "structured-light"])]
     pub(crate) depth_model: Option<String>,
 }
 
-/// The help of `--scene`: all scenes that there are, in lines of at most a hundred characters.
+/// Help text of `--scene`: all scenes, in lines of at most a hundred characters.
 fn scenes_in_words() -> String {
     let mut lines = vec![
         "Scene; people are in walking_*, crowd_*, sitting_*, *_carried and blocked_*. One of"

@@ -1,8 +1,8 @@
-//! The public data sets that commands take by their names.
+//! Public data sets that commands accept by name.
 
 use clap::ValueEnum;
 
-/// A public data set, as far as it is about things that move.
+/// A public data set with moving people and objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Suite {
     /// TUM RGB-D, dynamic objects: freiburg3 walking and sitting, freiburg2 desk with person
@@ -12,7 +12,7 @@ pub(crate) enum Suite {
 }
 
 impl Suite {
-    /// The name, as the option takes it.
+    /// The name on the command line.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::TumDynamic => "tum-dynamic",

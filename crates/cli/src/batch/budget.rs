@@ -1,4 +1,4 @@
-//! What a batch takes of the machine, known before the first run: how many runs at a time, threads of each, and memory of all.
+//! Resources of a batch, planned before the first run: number of parallel runs, threads of each, and total memory.
 
 use crate::args::batch::BatchArgs;
 use crate::batch::row::Job;
@@ -7,42 +7,43 @@ use crate::detector::Settled;
 use std::path::Path;
 use stillpoint::recordings;
 
-/// Memory of a run without its images and map, bytes: program, tables, the report's pictures. Measured: 45 MB (release build on Linux).
+/// Memory of a run without images and map, bytes: program, tables, images of the report. Measured: 45 MB (release build on Linux).
 const BASE: u64 = 60_000_000;
-/// Per pixel of an image, bytes: eight frames that are read ahead and those at work, each with grey (1), colour (3), depth (4) and pyramids. With `BASE` a run of
-/// 640x480 px is said to take 155 to 224 MB; measured: 90 to 123 MB.
+/// Memory per image pixel, bytes: eight frames read ahead and those being processed, each with grey (1), colour (3), depth (4) and
+/// pyramids. With `BASE`, a run of 640x480 px is estimated at 155 to 224 MB; measured: 90 to 123 MB.
 const PER_PIXEL: u64 = 250;
-/// Per frame of the recording, bytes: map, trajectory and report. An upper bound, chosen: the map of a long run grows far slower (docs/scale.md).
+/// Memory per frame of the recording, bytes: map, trajectory and report. An upper bound, chosen: the map of a long run grows far slower
+/// (docs/scale.md).
 const PER_FRAME: u64 = 60_000;
-/// Of a detector's network with its runtime, bytes. An upper bound, chosen for networks as large as YOLOv7-tiny; YOLOX-nano takes some 40 MB (docs/benchmarks.md).
+/// Memory of a detector network with its runtime, bytes. An upper bound, chosen for networks as large as YOLOv7-tiny; YOLOX-nano takes some
+/// 40 MB (docs/benchmarks.md).
 const NETWORK: u64 = 400_000_000;
-/// Of a surface, bytes: a room at 2 cm. An upper bound, chosen; measured of one run: 130 MB in all.
+/// Memory of a surface, bytes: a room at 2 cm. An upper bound, chosen; measured on one run: 130 MB in all.
 const SURFACE: u64 = 400_000_000;
-/// Share of the free memory that a batch takes unasked, chosen: the rest is left to the disk's cache, without which recordings are read slowly.
+/// Share of the free memory that a batch uses by default, chosen: the rest is left to the disk cache, without which recordings are read
+/// slowly.
 const SHARE: f64 = 0.8;
-/// Recordings that are opened to learn what they hold, at most: a batch of files that are none is told by its runs.
+/// Maximum number of recordings that are opened for the estimate: if none of them can be read, the runs report it.
 const TRIED: usize = 8;
-/// Threads that share the work on a frame, at most; chosen, since a frame has few parts that can be shared (decision 38).
+/// Maximum number of threads per frame; chosen, since little of a frame's work can run in parallel (decision 38).
 const MOST_THREADS: usize = 4;
 
-/// What the largest run is expected to hold, and what that was taken from.
+/// Expected memory of the largest run, and how it was estimated.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Memory {
     pub(crate) bytes: u64,
-    /// In words.
     pub(crate) of: String,
 }
 
-/// How many runs at a time.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Budget {
     pub(crate) workers: usize,
-    /// Threads that share the work on a frame of a run; `None` where the environment says it.
+    /// Worker threads per run; `None` where the environment sets them.
     pub(crate) threads: Option<usize>,
 }
 
 impl Memory {
-    /// Of the largest job: images as in the first one that opens, frames in proportion to the size.
+    /// Estimates the largest job: image size of the first recording that opens, number of frames in proportion to the file size.
     pub(crate) fn estimate(jobs: &[Job], args: &BatchArgs, settled: &Settled) -> Self {
         let options = crate::input::options(&args.input);
         let opened = jobs.iter().take(TRIED).find_map(|job| {
@@ -85,13 +86,13 @@ fn of_run(pixels: u64, frames: u64, args: &BatchArgs, settled: &Settled) -> u64 
 }
 
 impl Budget {
-    /// Where nothing is to be run.
+    /// Budget of an empty batch.
     pub(crate) const NONE: Self = Self {
         workers: 0,
         threads: None,
     };
 
-    /// For `runs` runs that hold `memory` each, and says so.
+    /// Plans and prints the budget of `runs` runs that need `memory` each.
     pub(crate) fn plan(runs: usize, memory: &Memory, asked: Option<u16>) -> Self {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let free = free_memory();
@@ -126,12 +127,12 @@ impl Budget {
     }
 }
 
-/// Threads that share the work on a frame, of a run that has so many cores: one core reads images ahead, as in a run alone.
+/// Worker threads of a run with this many cores: one core reads images ahead, as in a single run.
 fn threads_of(cores: usize) -> usize {
     cores.saturating_sub(1).clamp(1, MOST_THREADS)
 }
 
-/// Runs at a time: one per core, as long as there is memory for them.
+/// Parallel runs: one per core, as far as memory allows.
 fn affordable(cores: usize, each: u64, free: Option<u64>) -> usize {
     let fit = free.map_or(usize::MAX, |f| (f as f64 * SHARE / each as f64) as usize);
     cores.min(fit).max(1)
@@ -141,8 +142,7 @@ fn gigabytes(bytes: u64) -> String {
     format!("{:.2} GB", bytes as f64 * 1e-9)
 }
 
-/// Memory that can be had, bytes: what the machine has free, or what its group of processes is left where a scheduler limits that. `None` where the
-/// system does not say.
+/// Available memory, bytes: that of the machine, or the rest of the control group's limit. `None` where the system does not report it.
 fn free_memory() -> Option<u64> {
     let meminfo = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = meminfo
@@ -155,13 +155,13 @@ fn free_memory() -> Option<u64> {
     Some((kilobytes * 1024).min(left.unwrap_or(u64::MAX)))
 }
 
-/// What a control group and those above it leave.
+/// Memory left within the limits of a control group and its parents, bytes.
 fn left_of_group(root: &Path, group: &Path) -> Option<u64> {
     let number =
         |path: &Path| -> Option<u64> { std::fs::read_to_string(path).ok()?.trim().parse().ok() };
     let left = group.ancestors().filter_map(|group| {
         let folder = root.join(group);
-        // A group without a limit says "max".
+        // A group without a limit has "max".
         let most = number(&folder.join("memory.max"))?;
         Some(most.saturating_sub(number(&folder.join("memory.current"))?))
     });

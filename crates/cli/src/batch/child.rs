@@ -1,4 +1,4 @@
-//! One recording in a process of its own: started, watched, ended when it takes too long or nobody wants it any more.
+//! Runs one recording in a separate process: starts it, and ends it on timeout or when the batch stops.
 
 use crate::batch::inputs::Item;
 use crate::batch::row::{Figures, Outcome};
@@ -10,43 +10,37 @@ use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// What a run says, in its result folder.
+/// Messages of a run, in its result folder.
 const SAID: &str = "stderr.log";
 
-/// Names the process that a run ends with.
+/// Environment variable with the id of the parent process; the run ends with that process.
 pub(crate) const PARENT: &str = "STILLPOINT_PARENT";
 
-/// Between two looks at a run. A hundredth of a short one, and no work.
+/// Interval at which a run is polled: a hundredth of a short run, at negligible cost.
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// Error numbers of a file beyond its limit, a full disk, and an exhausted quota, as the system's messages end.
+/// Error numbers at the end of the system's messages: file size limit, full disk, exhausted quota.
 const FULL: [&str; 3] = ["(os error 27)", "(os error 28)", "(os error 122)"];
 
-/// How a run ended.
 #[derive(Debug)]
 pub(crate) enum End {
-    /// With a result.
     Done(Outcome, Box<Figures>),
-    /// Without one, and why.
+    /// Without a result; the reason.
     Failed(String),
-    /// There is no room for a result.
     Full(String),
-    /// It was told to.
     Stopped,
 }
 
-/// How recordings are run.
 #[derive(Clone, Copy)]
 pub(crate) struct Runner<'a> {
-    /// Threads that share the work on a frame; `None` where the environment says it.
+    /// Worker threads of a run; `None` where the environment sets them.
     pub(crate) threads: Option<usize>,
     pub(crate) time_limit: Option<Duration>,
-    /// Says whether runs are to end.
     pub(crate) is_stopped: &'a (dyn Fn() -> bool + Sync),
 }
 
 impl Runner<'_> {
-    /// One run, whose result goes to `folder`.
+    /// Runs one recording into `folder`.
     pub(crate) fn run(&self, item: &Item, arguments: &[OsString], folder: &Path) -> End {
         match self.start(item, arguments, folder) {
             Ok(child) => self.watch(child, folder),
@@ -80,7 +74,7 @@ impl Runner<'_> {
     fn watch(&self, mut child: Child, folder: &Path) -> End {
         let begin = Instant::now();
         let end = |mut child: Child| {
-            // One that has ended by itself cannot be killed; both are over then.
+            // Fails if it ended by itself, which is fine.
             let _ = child.kill();
             let _ = child.wait();
         };
@@ -106,18 +100,17 @@ impl Runner<'_> {
     }
 }
 
-/// A path that begins with a dash is no option.
+/// An absolute path, so that a leading dash is not read as an option.
 fn absolute(path: &Path) -> std::path::PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
-/// Ctrl-C in a terminal goes to the batch, which decides what becomes of its runs.
+/// Puts the run in its own process group: Ctrl-C in a terminal reaches only the batch, which decides about its runs.
 fn alone(command: &mut Command) {
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(command, 0);
     #[cfg(windows)]
     {
-        /// `CREATE_NEW_PROCESS_GROUP` of the Windows API.
         const NEW_GROUP: u32 = 0x200;
         std::os::windows::process::CommandExt::creation_flags(command, NEW_GROUP);
     }
@@ -125,7 +118,7 @@ fn alone(command: &mut Command) {
     let _ = command;
 }
 
-/// What came of a run that ended by itself.
+/// Outcome of a run that ended by itself.
 fn ended(status: ExitStatus, folder: &Path) -> End {
     let outcome = match status.code() {
         Some(0) => Outcome::Ok,
@@ -156,7 +149,7 @@ pub(crate) fn failed(reason: String) -> End {
     }
 }
 
-/// Why a run failed: the error that it told, else the last that it said.
+/// Why a run failed: its error message, else the last line that it printed.
 fn reason(status: ExitStatus, folder: &Path) -> String {
     let said = std::fs::read(folder.join(SAID)).unwrap_or_default();
     let said = String::from_utf8_lossy(&said);
@@ -173,7 +166,7 @@ fn reason(status: ExitStatus, folder: &Path) -> String {
     }
 }
 
-/// A run of a batch ends with it, however that ends: nobody would look at its result. Elsewhere than on Linux it goes on to its end.
+/// Ends this run when its batch ends, however that happens. Linux only; elsewhere the run continues to its end.
 pub(crate) fn end_with_parent() {
     #[cfg(target_os = "linux")]
     if let Some(parent) = std::env::var_os(PARENT) {

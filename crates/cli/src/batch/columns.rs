@@ -1,4 +1,4 @@
-//! `batch.parquet`: the rows as columns. Every column may be empty in a row.
+//! `batch.parquet`: the rows as columns, all of them nullable.
 
 use crate::batch::row::Row;
 use crate::failure::Failure;
@@ -11,7 +11,6 @@ use parquet::schema::types::Type;
 use serde_json::{Map, Value};
 use std::sync::Arc;
 
-/// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Text,
@@ -19,7 +18,7 @@ enum Kind {
     Real,
 }
 
-/// Columns by the names that rows have in `batch.json`.
+/// Columns, named as the fields in `batch.json`.
 const COLUMNS: [(&str, Kind); 24] = [
     ("name", Kind::Text),
     ("input", Kind::Text),
@@ -47,10 +46,10 @@ const COLUMNS: [(&str, Kind); 24] = [
     ("configuration_sha256", Kind::Text),
 ];
 
-/// The file of these rows.
+/// The rows as a Parquet file.
 ///
 /// # Errors
-/// Rows that cannot be written, which would be a mistake of this program.
+/// Rows that cannot be encoded, which would be a bug.
 pub(crate) fn to_parquet(rows: &[Row]) -> std::result::Result<Vec<u8>, Failure> {
     let rows: std::result::Result<Vec<Map<String, Value>>, _> = rows
         .iter()
@@ -98,7 +97,7 @@ fn write(rows: &[Map<String, Value>]) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Writes a column: the values that are there, and for each row whether one is.
+/// Writes a column: its non-null values, and a flag per row whether it has one.
 fn fill<'a, T: DataType>(
     column: &mut SerializedColumnWriter<'_>,
     cells: impl Iterator<Item = Option<&'a Value>>,

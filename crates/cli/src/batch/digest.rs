@@ -1,8 +1,8 @@
-//! By what a batch knows that a result is of this input, configuration and program.
+//! Digests that tell whether a result belongs to the current input, configuration and program.
 //!
-//! The rule for inputs: the full path, and of every file below it its name, size and time of change, with the first and last MiB of those
-//! that are no images. Two recordings never share a path; what replaces one at its path has another size or time, and begins at another
-//! time. The whole is not read: a terabyte would be read twice for nothing.
+//! The digest of an input covers its full path and, for every file below it, name, size and modification time, plus the first and last MiB
+//! of files that are not images. Two recordings never share a path; a replacement at the same path differs in size or time and in its first
+//! messages. Recordings are not read whole, which would double the reading time of a large batch.
 
 use crate::args::ConfigArgs;
 use crate::args::InputArgs;
@@ -20,17 +20,16 @@ use std::path::Path;
 use std::time::UNIX_EPOCH;
 use stillpoint::datasets::open_regular;
 
-/// Bytes of the beginning and of the end of a file that are read, 1 MiB: at least one image of 640x480 px behind the header, and the index at the end.
+/// Bytes that are hashed at each end of a file, 1 MiB: at least one image of 640x480 px behind the header, and the index at the end.
 const PART: u64 = 1 << 20;
 
-/// Endings of images, of which a data set has thousands: the lists beside them and their sizes and times say which they are.
+/// Extensions of images, whose contents are not read: a data set has thousands, and lists, sizes and times identify them.
 const IMAGES: [&str; 6] = ["png", "jpg", "jpeg", "pgm", "ppm", "webp"];
 
-/// A recording as it is now.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct InputDigest {
     pub(crate) sha256: String,
-    /// Of all its files.
+    /// Total size of all its files.
     pub(crate) bytes: u64,
 }
 
@@ -50,7 +49,7 @@ pub(crate) fn of_input(path: &Path) -> std::io::Result<InputDigest> {
     })
 }
 
-/// Adds a file, or a folder with all that is in it in the order of names.
+/// Adds a file, or a folder with its contents in the order of names.
 fn add(hash: &mut Sha256, bytes: &mut u64, path: &Path) -> std::io::Result<()> {
     let metadata = std::fs::metadata(path)?;
     let name = path.file_name().unwrap_or_default();
@@ -61,7 +60,7 @@ fn add(hash: &mut Sha256, bytes: &mut u64, path: &Path) -> std::io::Result<()> {
         paths.sort();
         field(hash, &paths.len().to_le_bytes());
         for path in &paths {
-            // A link that leads nowhere is no part of the recording.
+            // Dangling links are ignored.
             match add(hash, bytes, path) {
                 Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
                 other => other?,
@@ -81,7 +80,7 @@ fn add(hash: &mut Sha256, bytes: &mut u64, path: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// The beginning of a file and its end, which overlap in a small one.
+/// Adds the beginning and the end of a file, which overlap in a small one.
 fn ends(hash: &mut Sha256, file: &mut File, length: u64) -> std::io::Result<()> {
     let mut part = Vec::new();
     file.by_ref().take(PART).read_to_end(&mut part)?;
@@ -95,10 +94,10 @@ fn ends(hash: &mut Sha256, file: &mut File, length: u64) -> std::io::Result<()> 
     Ok(())
 }
 
-/// The digest of all that runs are told but for their recordings: the resolved configuration, the options, and the files that they name.
+/// Digest of everything that all runs share: the resolved configuration, the options, and the files that they name.
 ///
 /// # Errors
-/// A configuration that is none, a file that cannot be read, a runtime that is not there.
+/// An invalid configuration, an unreadable file, a missing runtime.
 pub(crate) fn of_configuration(
     config: &ConfigArgs,
     input: &InputArgs,
@@ -120,7 +119,7 @@ pub(crate) fn of_configuration(
         field(&mut hash, word.as_encoded_bytes());
     }
     field(&mut hash, &settled.content()?);
-    // Two libraries differ in the last bits of what they find.
+    // Runtimes differ in the last bits of their results.
     if settled.needs_colour()
         && let Some(library) = library(&choose(input.detector.runtime)?.runtime)
     {
@@ -158,7 +157,7 @@ pub(crate) fn of_program() -> Result<String, Failure> {
     }
 }
 
-/// Adds bytes with their number before them, so that no two sequences of fields are the same bytes.
+/// Adds bytes preceded by their length, so that different sequences of fields never give the same bytes.
 fn field(hash: &mut Sha256, bytes: &[u8]) {
     hash.update((bytes.len() as u64).to_le_bytes());
     hash.update(bytes);
@@ -200,14 +199,14 @@ mod tests {
         let first = of_input(&file).unwrap();
         assert_eq!(first.bytes, 3 << 20);
         assert_eq!(of_input(&file).unwrap(), first);
-        // The same size and time: the first messages and the last differ.
+        // Same size and time; the first and last messages differ.
         for at in [0, PART as usize - 1, 2 << 20, (3 << 20) - 1] {
             bytes[at] = 8;
             write(&bytes, then);
             assert_ne!(digest(&file), first.sha256, "byte {at}");
             bytes[at] = 7;
         }
-        // The same bytes at another time, in another place, and more of them.
+        // The same bytes with another time, at another path, and with bytes appended.
         write(&bytes, then + Duration::from_nanos(1_000_000));
         assert_ne!(digest(&file), first.sha256);
         write(&bytes, then);
@@ -277,7 +276,7 @@ mod tests {
         assert_ne!(of(&config, &longer, &each), first);
         std::fs::write(&script, "2,person,0.9,0,0,1,1\n").unwrap();
         assert_ne!(of(&config, &input, &each), first);
-        // A script of each recording is the recording's.
+        // A detector script named by the recording is part of the recording.
         let own = input.with_detector("scripted:{}/boxes.csv".to_owned());
         assert_ne!(of(&config, &own, &each), first);
     }

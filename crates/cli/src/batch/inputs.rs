@@ -1,4 +1,4 @@
-//! What a batch runs: paths, patterns and lists become recordings, each with the name of its result folder.
+//! Expands paths, patterns and lists to recordings, each with the name of its result folder.
 
 use crate::args::batch::{BatchArgs, Shard};
 use crate::console;
@@ -7,25 +7,23 @@ use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::read_regular_text;
 
-/// Largest list, bytes: ten million paths of 100 bytes.
+/// Maximum size of a list, bytes: ten million paths of 100 bytes.
 const LARGEST_LIST: u64 = 1 << 30;
 
-/// Names in the folder of a batch that no result can have, in lower case.
+/// Names in a batch folder that no result may have, in lower case.
 const RESERVED: [&str; 4] = [".batch.lock", "batch.json", "batch.parquet", "batch.html"];
 
-/// A recording and where its result goes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Item {
-    /// As the user named it.
+    /// As given by the user.
     pub(crate) path: PathBuf,
-    /// Of its result folder.
     pub(crate) name: String,
 }
 
-/// All recordings that the arguments name, in the order of their names, so that every shard finds the same order.
+/// All recordings that the arguments name, sorted by name, so that every shard sees the same order.
 ///
 /// # Errors
-/// A list that cannot be read, a pattern that finds nothing, two recordings whose results would go to one folder.
+/// An unreadable list, a pattern without a match, two recordings with the same result folder.
 pub(crate) fn find(args: &BatchArgs) -> Result<Vec<Item>, Failure> {
     let mut paths = Vec::new();
     for input in &args.inputs {
@@ -40,7 +38,7 @@ pub(crate) fn find(args: &BatchArgs) -> Result<Vec<Item>, Failure> {
     named(paths, args.name_parts.into())
 }
 
-/// The items of a share; all without one.
+/// The items of a share; without a share all of them.
 pub(crate) fn share(items: Vec<Item>, shard: Option<Shard>) -> Vec<Item> {
     let Some(Shard { index, of }) = shard else {
         return items;
@@ -52,7 +50,7 @@ pub(crate) fn share(items: Vec<Item>, shard: Option<Shard>) -> Vec<Item> {
     mine.map(|(_, item)| item).collect()
 }
 
-/// The inputs of a list; its paths are taken from the working directory, as a shell's.
+/// Reads a list; relative paths are relative to the working directory, as in a shell.
 fn read_list(list: &Path, paths: &mut Vec<PathBuf>) -> Result<(), Failure> {
     let wrong = |found: &dyn std::fmt::Display| {
         Failure::input(format!(
@@ -72,7 +70,7 @@ fn read_list(list: &Path, paths: &mut Vec<PathBuf>) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A path, or what a pattern matches. What exists is no pattern, whatever its name is.
+/// Expands a pattern. An existing path is taken literally, even if it looks like a pattern.
 fn expand(input: &Path, paths: &mut Vec<PathBuf>) -> Result<(), Failure> {
     let pattern = input
         .to_str()
@@ -96,11 +94,10 @@ fn expand(input: &Path, paths: &mut Vec<PathBuf>) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Gives each its name.
 fn named(paths: Vec<PathBuf>, parts: usize) -> Result<Vec<Item>, Failure> {
     let mut seen = HashSet::new();
     let mut twice = 0;
-    // File systems of Windows and macOS take names for the same that differ in case alone.
+    // File systems of Windows and macOS ignore case.
     let mut items: BTreeMap<String, Item> = BTreeMap::new();
     for path in paths {
         let full = path.canonicalize().unwrap_or_else(|_| path.clone());
@@ -132,7 +129,7 @@ fn named(paths: Vec<PathBuf>, parts: usize) -> Result<Vec<Item>, Failure> {
     Ok(items.into_values().collect())
 }
 
-/// The last parts of a path, without the ending of a file.
+/// The last parts of a path, without the file extension.
 fn name_of(path: &Path, full: &Path, parts: usize) -> String {
     let is_file = full.is_file();
     let mut names: Vec<String> = full
@@ -144,7 +141,7 @@ fn name_of(path: &Path, full: &Path, parts: usize) -> String {
         })
         .take(parts)
         .collect();
-    // A link is known by its own name.
+    // A link keeps its own name.
     if let (Some(last), Some(name)) = (names.first_mut(), path.file_name()) {
         *last = name.to_string_lossy().into_owned();
     }

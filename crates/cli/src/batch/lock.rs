@@ -1,4 +1,4 @@
-//! One batch at a time in a folder: a file that its process holds locked. The system unlocks it when the process ends, however that ends.
+//! Allows one batch per folder, by a locked file. The system unlocks it when the process ends, however that happens.
 
 use crate::console;
 use crate::failure::Failure;
@@ -8,17 +8,16 @@ use std::path::Path;
 
 const FILE: &str = ".batch.lock";
 
-/// Held for as long as a batch works in its folder.
 #[derive(Debug)]
 pub(crate) struct Lock {
     _file: File,
 }
 
 impl Lock {
-    /// Makes the folder where it does not exist, and locks it.
+    /// Creates the folder if it is missing, and locks it.
     ///
     /// # Errors
-    /// A folder that cannot be written, or in which another batch is at work.
+    /// A folder that is not writable, or is locked by another batch.
     pub(crate) fn take(out: &Path) -> Result<Self, Failure> {
         let path = out.join(FILE);
         let failure = |e: std::io::Error| Failure::write(out, &e);
@@ -29,7 +28,7 @@ impl Lock {
             )));
         }
         std::fs::create_dir_all(out).map_err(failure)?;
-        // What it says is kept until it is locked: it may be another's.
+        // Not truncated before the lock is held: the contents may belong to another process.
         let mut file = OpenOptions::new()
             .create(true)
             .truncate(false)
@@ -55,10 +54,10 @@ impl Lock {
     }
 }
 
-/// Another batch is at work.
+/// Error: the folder is locked by another batch.
 fn taken(out: &Path, file: &mut File) -> Failure {
     let mut process = String::new();
-    // Windows lets nobody read what is locked.
+    // On Windows a locked file cannot be read.
     let _ = file.read_to_string(&mut process);
     let process = match process.trim() {
         "" => "another process".to_owned(),

@@ -1,4 +1,4 @@
-//! `batch merge`: the tables of several batches become one, whose results stay where they are.
+//! `batch merge`: joins the tables of several batches; the results stay in place.
 
 use crate::args::batch::BatchMergeArgs;
 use crate::batch::lock::Lock;
@@ -12,7 +12,6 @@ use crate::machine::Machine;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
-/// `batch merge`.
 pub(crate) fn merge(args: &BatchMergeArgs) -> Result<Status, Failure> {
     let parts: Result<Vec<(PathBuf, Batch)>, Failure> = args
         .folders
@@ -32,7 +31,6 @@ pub(crate) fn merge(args: &BatchMergeArgs) -> Result<Status, Failure> {
     result::print(&batch, &args.out, args.json)
 }
 
-/// One batch of all.
 fn join(parts: &[(PathBuf, Batch)], out: &Path) -> Result<Batch, Failure> {
     let Some((first_folder, first)) = parts.first() else {
         return Err(Failure::input("expected folders of batches, found none"));
@@ -83,7 +81,7 @@ fn join(parts: &[(PathBuf, Batch)], out: &Path) -> Result<Batch, Failure> {
     })
 }
 
-/// Two batches of different methods.
+/// Error: two batches differ in program or configuration.
 fn different(one: &Path, first: &Batch, other: &Path, second: &Batch) -> Failure {
     let (a, b) = (&first.method, &second.method);
     let what = match a.program_sha256 == b.program_sha256 {
@@ -99,7 +97,7 @@ fn different(one: &Path, first: &Batch, other: &Path, second: &Batch) -> Failure
     ))
 }
 
-/// Shards that none of the parts is.
+/// Shards that none of the parts covers.
 fn missing(parts: &[(PathBuf, Batch)]) -> Result<Vec<u32>, Failure> {
     let shards: Vec<(&Path, ShardJson)> = parts
         .iter()
@@ -120,7 +118,7 @@ fn missing(parts: &[(PathBuf, Batch)]) -> Result<Vec<u32>, Failure> {
     Ok((1..=*of).filter(|i| !found.contains(i)).collect())
 }
 
-/// A path as it is from a folder; as it is in full where they have no common root.
+/// A path relative to a folder; absolute where they have no common root.
 fn relative(path: &Path, from: &Path) -> String {
     let full = |p: &Path| p.canonicalize().or_else(|_| std::path::absolute(p));
     let (Ok(path_full), Ok(from)) = (full(path), full(from)) else {
@@ -143,7 +141,6 @@ pub(crate) mod tests {
     use crate::batch::row::Outcome;
     use crate::batch::row::tests::row;
 
-    /// A batch to test with.
     pub(crate) fn batch(shard: Option<(u32, u32)>, recordings: Vec<Row>) -> Batch {
         Batch {
             command: "stillpoint batch".to_owned(),

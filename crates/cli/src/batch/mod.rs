@@ -1,7 +1,7 @@
-//! `batch`: many recordings, each run in a process of its own, several at a time; and the tables of several batches joined.
+//! `batch`: many recordings, each run in a separate process, several at a time; and the tables of several batches joined.
 //!
-//! Answers: which recordings are to be run, how many at a time, and what came of them. Schedules nothing beyond this machine: shards
-//! and the Python package are for engines that do.
+//! Decides which recordings to run and how many at a time, and collects the results. It schedules on this machine only: use shards or the
+//! Python package with a cluster scheduler.
 
 mod budget;
 pub(crate) mod child;
@@ -32,17 +32,16 @@ use crate::{config, console, detector};
 use std::path::Path;
 use std::time::Instant;
 
-/// `batch`.
 pub(crate) fn batch(args: &BatchArgs) -> Result<Status, Failure> {
     if let Some(BatchCommand::Merge(args)) = &args.command {
         return merge::merge(args);
     }
     let interrupt = Interrupt::prepare();
-    // Mistakes in the arguments show here, once, instead of in every run.
+    // Checked here, so that an error in the arguments is reported once instead of in every run.
     config::simd()?;
     let settled = detector::settle(&args.input.detector)?;
     settled.announce();
-    // A model that came into the cache meanwhile is none of this batch.
+    // Pins the model, so that one added to the cache meanwhile is not used.
     let args = &BatchArgs {
         input: args.input.with_detector(settled.argument.clone()),
         ..args.clone()
@@ -52,7 +51,7 @@ pub(crate) fn batch(args: &BatchArgs) -> Result<Status, Failure> {
     let _lock = Lock::take(&args.out)?;
     let sorted = sort(items, args, &method)?;
     sorted.say();
-    // From here on there is something to be kept.
+    // From here on Ctrl-C must keep results.
     interrupt.begin();
     let budget = budget(&sorted.jobs, args, &settled);
     let begin = Instant::now();
@@ -80,7 +79,7 @@ pub(crate) fn batch(args: &BatchArgs) -> Result<Status, Failure> {
     end(&batch, args, ran.full, &interrupt, sorted.all)
 }
 
-/// What all runs have in common.
+/// Program and configuration that all runs share.
 fn method(args: &BatchArgs, settled: &Settled) -> Result<Method, Failure> {
     Ok(Method {
         stillpoint: env!("CARGO_PKG_VERSION").to_owned(),
@@ -94,7 +93,6 @@ fn method(args: &BatchArgs, settled: &Settled) -> Result<Method, Failure> {
     })
 }
 
-/// What the jobs take of the machine, which is said.
 fn budget(jobs: &[Job], args: &BatchArgs, settled: &Settled) -> Budget {
     if jobs.is_empty() {
         return Budget::NONE;
@@ -103,7 +101,6 @@ fn budget(jobs: &[Job], args: &BatchArgs, settled: &Settled) -> Budget {
     Budget::plan(jobs.len(), &memory, args.workers)
 }
 
-/// Writes and prints what came of it.
 fn end(
     batch: &Batch,
     args: &BatchArgs,
@@ -131,17 +128,16 @@ fn end(
     Ok(status)
 }
 
-/// What is to be done with the recordings.
+/// The recordings by what remains to be done.
 struct Sorted {
     all: usize,
-    /// Their results are there.
     done: Vec<Row>,
-    /// They cannot even be looked at.
+    /// Recordings that cannot be opened.
     unreadable: Vec<Row>,
     jobs: Vec<Job>,
-    /// Of the jobs, those whose recording changed since it was run.
+    /// Number of jobs whose recording changed since its last run.
     changed: usize,
-    /// Of the jobs, those that replace a result of another method.
+    /// Number of jobs that replace a result of another program or configuration.
     replaced: usize,
 }
 
@@ -171,10 +167,10 @@ impl Sorted {
     }
 }
 
-/// Tells what is done from what is to be run.
+/// Separates finished recordings from those to run.
 ///
 /// # Errors
-/// A result of another program or configuration, which is not to be replaced.
+/// A result of another program or configuration, without `--replace`.
 fn sort(items: Vec<Item>, args: &BatchArgs, method: &Method) -> Result<Sorted, Failure> {
     let mut sorted = Sorted {
         all: items.len(),
@@ -221,7 +217,7 @@ fn sort(items: Vec<Item>, args: &BatchArgs, method: &Method) -> Result<Sorted, F
     Ok(sorted)
 }
 
-/// A result that is not to be lost.
+/// Error: a result of another program or configuration, which would be lost.
 fn foreign(folder: &Path, row: &Row, method: &Method) -> Failure {
     let found = if row.method.program_sha256 == method.program_sha256 {
         "one of another configuration".to_owned()

@@ -1,4 +1,4 @@
-//! `batch.html`: one page that needs nothing else, with the worst runs on top and links to their reports.
+//! `batch.html`: a self-contained page with the worst runs first and links to their reports.
 
 use crate::batch::row::Row;
 use crate::batch::table::{Batch, HEADER, cells};
@@ -10,7 +10,7 @@ th:first-child,td:first-child,th:nth-child(2),td:nth-child(2){text-align:left}tr
 td.why{text-align:left;color:#a22}\
 @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}th,td{border-color:#444}a{color:#8bf}tr.failed{background:#4a2320}tr.lost{background:#453a1a}td.why{color:#f99}}";
 
-/// The page of a batch, which lies in its folder.
+/// The page; its links are relative to the batch folder.
 pub(crate) fn to_html(batch: &Batch) -> String {
     let (rows, machine) = (batch.by_merit(), &batch.machine);
     let count = |outcome: &str| rows.iter().filter(|r| cells(r)[1] == outcome).count();
@@ -45,7 +45,7 @@ pub(crate) fn to_html(batch: &Batch) -> String {
     page + "</table>\n</html>\n"
 }
 
-/// A row: its report, or what its run said where there is none.
+/// Adds a row, linked to its report or, without one, to the messages of its run.
 fn add(page: &mut String, row: &Row) {
     let [name, outcome, figures @ ..] = cells(row);
     let file = match row.error {
@@ -76,14 +76,13 @@ fn add(page: &mut String, row: &Row) {
     *page += "</tr>\n";
 }
 
-/// Text as HTML shows it.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('"', "&quot;")
 }
 
-/// A path as an address takes it.
+/// Escapes a path for a URL.
 fn address(path: &str) -> String {
     let path = path.replace('\\', "/");
     path.bytes().fold(String::new(), |mut text, b| {

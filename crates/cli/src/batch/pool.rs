@@ -1,4 +1,4 @@
-//! Runs of a batch, several at a time, and what is said of them meanwhile.
+//! Runs jobs in parallel and shows the progress.
 
 use crate::args::batch::BatchArgs;
 use crate::args::forward;
@@ -15,31 +15,28 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Runs of a recording: a failure may have come from what else the machine did.
+/// Attempts per recording: a failure may be due to the load of the machine.
 const ATTEMPTS: u32 = 2;
 
-/// Between two looks at how far it is.
+/// Interval between updates of the progress.
 const PAUSE: Duration = Duration::from_millis(200);
 
-/// What came of the jobs.
 #[derive(Debug, Default)]
 pub(crate) struct Ran {
-    /// Of those that came to an end, well or not.
+    /// Rows of the recordings that ended, successfully or not.
     pub(crate) rows: Vec<Row>,
-    /// The disk is full, as a run or this program was told.
+    /// Message about a full disk, of a run or of this program.
     pub(crate) full: Option<String>,
 }
 
-/// What a worker tells.
 enum Said {
-    /// A recording has its last row.
+    /// A recording ended for good.
     Row(Box<Row>),
-    /// A recording failed, and is tried again.
+    /// A recording failed and is retried: name and reason.
     Again(String, String),
     Full(String),
 }
 
-/// All jobs, on the workers of the budget.
 pub(crate) struct Pool<'a> {
     pub(crate) args: &'a BatchArgs,
     pub(crate) budget: &'a Budget,
@@ -50,7 +47,7 @@ impl Pool<'_> {
     /// Runs all jobs; ends early on Ctrl-C or a full disk.
     pub(crate) fn run(&self, mut jobs: Vec<Job>) -> Ran {
         if self.budget.workers > 1 {
-            // The longest first, so that no worker begins with it when the others are done.
+            // The longest first, so that it does not start when the other workers are done.
             jobs.sort_by_key(|j| std::cmp::Reverse(j.row.input_bytes));
         }
         let mut shown = Shown::new(&jobs);
@@ -84,7 +81,7 @@ impl Pool<'_> {
         ran
     }
 
-    /// Takes jobs until none is left, or nobody wants them done.
+    /// Takes jobs until none is left or the batch stops.
     fn work(&self, queue: &Mutex<VecDeque<Job>>, is_full: &AtomicBool, sender: &Sender<Said>) {
         let jobs = || queue.lock().unwrap_or_else(PoisonError::into_inner);
         let is_stopped = || self.interrupt.requested() || is_full.load(Ordering::Relaxed);
@@ -107,7 +104,7 @@ impl Pool<'_> {
                 }
                 End::Failed(reason) if job.row.attempts < ATTEMPTS => {
                     let name = job.item.name.clone();
-                    // Behind the others: what it failed for may be over then.
+                    // At the end of the queue: the cause of the failure may be gone by then.
                     jobs().push_back(job);
                     Said::Again(name, reason)
                 }
@@ -117,12 +114,11 @@ impl Pool<'_> {
                 }
                 End::Done(..) => Said::Row(Box::new(job.row)),
             };
-            // Who listens ends after this.
+            // The receiver ends only after this.
             let _ = sender.send(said);
         }
     }
 
-    /// One run of a job, whose row it fills in.
     fn once(&self, runner: &Runner<'_>, job: &mut Job) -> End {
         let folder = self.args.out.join(&job.item.name);
         if let Err(e) = Row::remove(&folder) {
@@ -152,7 +148,6 @@ impl Pool<'_> {
     }
 }
 
-/// What the user sees meanwhile.
 struct Shown {
     begin: Instant,
     done: usize,
@@ -175,7 +170,7 @@ impl Shown {
         }
     }
 
-    /// A line for a recording that came to its end.
+    /// Prints a line for a recording that ended.
     fn ended(&mut self, row: &Row) {
         self.done += 1;
         self.done_bytes += weight(row);
@@ -191,7 +186,7 @@ impl Shown {
         }
     }
 
-    /// How long the rest takes, at the pace of the bytes so far.
+    /// Remaining time, by the bytes processed until now.
     fn left(&self) -> String {
         let left = self.all_bytes.saturating_sub(self.done_bytes);
         if self.done_bytes == 0 || left == 0 {
@@ -202,7 +197,7 @@ impl Shown {
     }
 
     fn progress(&mut self) {
-        // Before the first one has ended, nothing is known of the pace.
+        // The pace is unknown until the first one has ended.
         if self.done > 0 {
             let note = format!(", {} of {} recordings", self.done, self.all);
             self.bar.show(self.done_bytes as usize, &note);
@@ -214,12 +209,11 @@ impl Shown {
     }
 }
 
-/// What the time of a run is taken to be in proportion to.
+/// The size that a run's duration is assumed to be proportional to.
 fn weight(row: &Row) -> u64 {
     row.input_bytes.max(1)
 }
 
-/// Seconds in words.
 pub(crate) fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 99.5 => format!("{s:.0} s"),

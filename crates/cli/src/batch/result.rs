@@ -1,4 +1,4 @@
-//! What a batch leaves: `batch.json`, `batch.parquet`, `batch.html`, and what it says in the end.
+//! Output of a batch: `batch.json`, `batch.parquet`, `batch.html`, and its final messages.
 
 use crate::batch::columns::to_parquet;
 use crate::batch::page::to_html;
@@ -8,13 +8,13 @@ use crate::failure::{Failure, Status};
 use crate::output;
 use std::path::Path;
 
-/// Names of recordings in a line, at most.
+/// Maximum number of recordings named in a line.
 const SAID: usize = 10;
 
-/// Writes all of it.
+/// Writes all files.
 ///
 /// # Errors
-/// A folder that cannot be written.
+/// A folder that is not writable.
 pub(crate) fn write(batch: &Batch, out: &Path) -> Result<(), Failure> {
     let write = |name: &str, bytes: &[u8]| output::write_file(&out.join(name), bytes);
     write("batch.parquet", &to_parquet(&batch.recordings)?)?;
@@ -22,10 +22,10 @@ pub(crate) fn write(batch: &Batch, out: &Path) -> Result<(), Failure> {
     write(FILE, batch.to_json()?.as_bytes())
 }
 
-/// Prints the table, or all of it as JSON, and says what has no result.
+/// Prints the table, or JSON, and names the recordings without a result.
 ///
 /// # Errors
-/// Rows that cannot be written as JSON.
+/// Rows that cannot be encoded as JSON.
 pub(crate) fn print(batch: &Batch, out: &Path, as_json: bool) -> Result<Status, Failure> {
     if as_json {
         console::print(&batch.to_json()?);

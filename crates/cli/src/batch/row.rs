@@ -1,4 +1,4 @@
-//! The row of a recording: in its result folder as `recording.json`, and in the table of the batch.
+//! The row of a recording: `recording.json` in its result folder, and a row in the table of the batch.
 
 use crate::batch::digest::InputDigest;
 use crate::batch::inputs::Item;
@@ -8,46 +8,40 @@ use crate::run::summary::{ScoreJson, Summary};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Its name in a result folder. It is written after the result and removed before another run: where it is, the result is whole.
+/// File name in a result folder. Written after the result and removed before a new run: its presence means that the result is complete.
 const FILE: &str = "recording.json";
 
-/// How a recording ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Outcome {
-    /// There is no result.
     Failed,
-    /// There is a result, in which frames are lost.
+    /// There is a result, with lost frames.
     Lost,
-    /// All went well.
     Ok,
 }
 
-/// The configuration and the program of all recordings of a batch.
+/// Program and configuration of a batch.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Method {
-    /// Version of the program.
     pub(crate) stillpoint: String,
     pub(crate) program_sha256: String,
     pub(crate) configuration_sha256: String,
 }
 
-/// One recording. The names are those of the columns of `batch.parquet`.
+/// One recording. The field names are the columns of `batch.parquet`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Row {
     pub(crate) name: String,
-    /// The recording, as it was named.
+    /// The recording, as given by the user.
     pub(crate) input: String,
-    /// Its result, from the folder of the table.
+    /// The result folder, relative to the table.
     pub(crate) folder: String,
     pub(crate) outcome: Outcome,
     /// Why there is no result.
     pub(crate) error: Option<String>,
-    /// Runs that it took.
     pub(crate) attempts: u32,
-    /// Of the last run, from the start of its process to the end, s.
+    /// Duration of the last run, from start to end of its process, s.
     pub(crate) seconds: f64,
-    /// Bytes of the recording.
     pub(crate) input_bytes: u64,
     #[serde(flatten)]
     pub(crate) figures: Figures,
@@ -56,40 +50,36 @@ pub(crate) struct Row {
     pub(crate) method: Method,
 }
 
-/// A recording that is to be run.
 #[derive(Clone, Debug)]
 pub(crate) struct Job {
     pub(crate) item: Item,
-    /// Its row as long as there is no result.
+    /// Its row, still without a result.
     pub(crate) row: Row,
 }
 
-/// What the run found; nothing where there is no result.
+/// Results of a run; all `None` where there is none.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Figures {
     pub(crate) frames: Option<u64>,
     /// Frames that could not be read.
     pub(crate) skipped: Option<u64>,
-    /// Frames with a pose.
     pub(crate) tracked: Option<u64>,
-    /// Their share, 0 to 1.
     pub(crate) tracked_share: Option<f64>,
-    /// Stretches of frames without a pose.
+    /// Number of intervals without a pose.
     pub(crate) lost_stretches: Option<u64>,
     pub(crate) submaps: Option<u64>,
     pub(crate) keyframes: Option<u64>,
     pub(crate) landmarks: Option<u64>,
-    /// Loops that were closed.
     pub(crate) loops: Option<u64>,
-    /// RMSE of the final poses, or of the drift of a camera that stands still, m; with ground truth.
+    /// RMSE of the final poses, or of the drift where the ground truth stands still, m; with ground truth.
     pub(crate) ate_rmse: Option<f64>,
     /// RMSE of the relative error over 1 s, m; with ground truth.
     pub(crate) rpe_rmse: Option<f64>,
-    /// Most memory that the run held.
     pub(crate) peak_memory_bytes: Option<u64>,
 }
 
-/// To nanometres and nanoseconds: of so few digits a file gives back the very number, so that a row does not change each time it is read.
+/// Rounds to 9 decimals (nanometres, nanoseconds), which survive a round trip through a file exactly, so that the row does not change each
+/// time it is read.
 pub(crate) fn rounded(x: f64) -> f64 {
     (x * 1e9).round() / 1e9
 }
@@ -124,7 +114,6 @@ impl From<&Summary> for Figures {
 }
 
 impl Row {
-    /// A row without a result as yet.
     pub(crate) fn new(item: &Item, input: &InputDigest, method: &Method) -> Self {
         Self {
             name: item.name.clone(),
@@ -141,19 +130,19 @@ impl Row {
         }
     }
 
-    /// The row of a result that is there; `None` where there is none, or none that is whole.
+    /// Reads the row of a complete result; `None` where there is none.
     pub(crate) fn read(folder: &Path) -> Option<Self> {
         let text = std::fs::read_to_string(folder.join(FILE)).ok()?;
         serde_json::from_str(&text).ok()
     }
 
-    /// Says that the result in a folder is whole.
+    /// Marks the result in a folder as complete.
     pub(crate) fn write(&self, folder: &Path) -> Result<(), Failure> {
         let text = serde_json::to_string_pretty(self).map_err(Failure::input)?;
         output::write_file(&folder.join(FILE), format!("{text}\n").as_bytes())
     }
 
-    /// Says that the result in a folder is about to be replaced.
+    /// Marks the result in a folder as incomplete, before it is replaced.
     pub(crate) fn remove(folder: &Path) -> std::io::Result<()> {
         match std::fs::remove_file(folder.join(FILE)) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(e),
@@ -161,7 +150,7 @@ impl Row {
         }
     }
 
-    /// The worst first: those without a result, then by the share of frames without a pose, then by error.
+    /// Orders the worst first: without a result, then by the share of frames without a pose, then by error.
     pub(crate) fn by_merit(&self, other: &Self) -> std::cmp::Ordering {
         let key = |r: &Self| {
             let ate = r.figures.ate_rmse.unwrap_or(0.0);
@@ -174,7 +163,6 @@ impl Row {
             .then_with(|| self.name.cmp(&other.name))
     }
 
-    /// In a line, after its name.
     pub(crate) fn words(&self) -> String {
         let f = &self.figures;
         let (Some(frames), Some(share)) = (f.frames, f.tracked_share) else {
@@ -195,7 +183,6 @@ impl Row {
 pub(crate) mod tests {
     use super::*;
 
-    /// A row to test with.
     pub(crate) fn row(name: &str, outcome: Outcome, share: Option<f64>, ate: Option<f64>) -> Row {
         let item = Item {
             path: format!("/r/{name}").into(),

@@ -1,4 +1,4 @@
-//! All recordings of a batch, as they stand in `batch.json`, and a recording as it is shown.
+//! The table of a batch, as in `batch.json`, and its text form.
 
 use crate::args::batch::Shard;
 use crate::batch::row::{Method, Outcome, Row};
@@ -8,39 +8,34 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use stillpoint::evaluation::Table;
 
-/// Its name in the folder of a batch.
 pub(crate) const FILE: &str = "batch.json";
 
-/// The file `batch.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Batch {
-    /// What was typed.
     pub(crate) command: String,
     pub(crate) machine: Machine,
     #[serde(flatten)]
     pub(crate) method: Method,
-    /// Which share of the recordings it is, where it is one.
+    /// The shard, if the batch is one.
     pub(crate) shard: Option<ShardJson>,
-    /// The folders that it was joined from, where it was.
+    /// The folders that were merged, if any.
     pub(crate) merged: Vec<String>,
-    /// Whether every recording has a row: not where the batch, or a part of it, ended early or is missing.
+    /// Whether every recording has a row: false where the batch or a shard ended early or is missing.
     pub(crate) is_complete: bool,
-    /// Recordings whose results were there before.
+    /// Number of recordings with an earlier result.
     pub(crate) skipped: usize,
-    /// Runs at a time.
     pub(crate) workers: usize,
-    /// From the first run to the last, s; of several batches, their sum.
+    /// Duration from the first run to the last, s; for merged batches, the sum.
     pub(crate) seconds: f64,
-    /// In the order of names.
     pub(crate) recordings: Vec<Row>,
 }
 
 /// One share of the recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct ShardJson {
-    /// Which, from 1 on.
+    /// Index, from 1.
     pub(crate) index: u32,
-    /// How many there are.
+    /// Number of shards.
     pub(crate) of: u32,
 }
 
@@ -51,10 +46,10 @@ impl From<Shard> for ShardJson {
 }
 
 impl Batch {
-    /// Reads that of a folder.
+    /// Reads the table of a folder.
     ///
     /// # Errors
-    /// A folder in which there is none, or none of this version.
+    /// No table, or one of another version.
     pub(crate) fn read(folder: &Path) -> Result<Self, Failure> {
         let file = folder.join(FILE);
         let wrong = |found: &dyn std::fmt::Display| {
@@ -67,30 +62,27 @@ impl Batch {
         serde_json::from_str(&text).map_err(|e| wrong(&e))
     }
 
-    /// The file.
+    /// The table as JSON.
     ///
     /// # Errors
-    /// Rows that cannot be written as JSON.
+    /// Rows that cannot be encoded.
     pub(crate) fn to_json(&self) -> Result<String, Failure> {
         let text = serde_json::to_string_pretty(self).map_err(Failure::input)?;
         Ok(format!("{text}\n"))
     }
 
-    /// Rows without a result.
     pub(crate) fn failed(&self) -> impl Iterator<Item = &Row> {
         self.recordings
             .iter()
             .filter(|r| r.outcome == Outcome::Failed)
     }
 
-    /// The rows, the worst first.
     pub(crate) fn by_merit(&self) -> Vec<&Row> {
         let mut rows: Vec<&Row> = self.recordings.iter().collect();
         rows.sort_by(|a, b| a.by_merit(b));
         rows
     }
 
-    /// The rows as text.
     pub(crate) fn to_text(&self) -> String {
         let mut table = Table::new(HEADER);
         for row in self.by_merit() {
@@ -100,7 +92,7 @@ impl Batch {
     }
 }
 
-/// Heads of the columns that are shown.
+/// Headings of the printed columns.
 pub(crate) const HEADER: [&str; 9] = [
     "recording",
     "outcome",
@@ -113,7 +105,7 @@ pub(crate) const HEADER: [&str; 9] = [
     "runs",
 ];
 
-/// A row as it is shown.
+/// The cells of a row as printed.
 pub(crate) fn cells(row: &Row) -> [String; 9] {
     let f = &row.figures;
     let number = |x: Option<f64>, factor: f64, digits: usize| {

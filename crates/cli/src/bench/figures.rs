@@ -1,23 +1,19 @@
-//! Figures over all runs of one sequence, as suites and ablations show them.
+//! Figures over all runs of one sequence, for suites and ablations.
 
 use crate::bench::runner::{Sequence, Spread};
 use crate::run::summary::{ScoreJson, StatisticsJson};
 use serde::Serialize;
 
-/// Figures over all runs of a sequence.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Figures {
-    /// Where the camera's model comes from.
+    /// Source of the camera model.
     pub(crate) camera: String,
-    /// Frames that went through the system.
     pub(crate) frames: usize,
-    /// Of those, the frames whose poses the absolute error is about, in the worst run.
+    /// Number of frames in the absolute error, in the worst run.
     pub(crate) evaluated: usize,
-    /// Share of frames with a pose.
     pub(crate) tracked: Spread,
-    /// Share of the frames that arrived and were dropped, in live runs.
     pub(crate) dropped: Option<Spread>,
-    /// True when all runs gave the same trajectory, byte for byte; absent when there was only one run.
+    /// True when all trajectories are identical, byte for byte; absent with a single run.
     pub(crate) identical: Option<bool>,
     /// Absolute error of the final poses, m.
     pub(crate) ate: Option<Errors>,
@@ -25,7 +21,7 @@ pub(crate) struct Figures {
     pub(crate) rpe_translation: Option<Errors>,
     /// Relative error over 1 s, degrees.
     pub(crate) rpe_rotation_deg: Option<Errors>,
-    /// Distance from the first pose where the ground truth stands still, so that no alignment is defined, m.
+    /// Distance from the first pose, m, where the ground truth stands still and alignment is undefined.
     pub(crate) drift: Option<Errors>,
 }
 
@@ -37,7 +33,7 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// From one statistic per run; `None` when no run has it.
+    /// From one statistic per run; `None` without any.
     fn of(statistics: &[StatisticsJson]) -> Option<Self> {
         Some(Self {
             rmse: Spread::of(statistics.iter().map(|s| s.rmse))?,

@@ -1,4 +1,4 @@
-//! `bench`: every data set several times, each run in a fresh process, so that memory and timing are honest.
+//! `bench`: runs every data set several times, each run in a fresh process, so that memory and timing are not affected by earlier runs.
 
 pub(crate) mod ablation;
 pub(crate) mod figures;
@@ -18,7 +18,6 @@ use serde::Serialize;
 use std::path::PathBuf;
 use stillpoint::evaluation::Table;
 
-/// The file `bench.json`.
 #[derive(Debug, Serialize)]
 struct Bench<'a> {
     machine: &'a Machine,
@@ -31,7 +30,6 @@ struct Bench<'a> {
 struct SequenceFigures<'a> {
     #[serde(flatten)]
     sequence: &'a Sequence,
-    /// Share of frames with a pose: median and worst.
     tracked: Spread,
     /// ATE RMSE (drift RMSE for a camera that stands still), m.
     ate_rmse: Option<Spread>,
@@ -42,9 +40,8 @@ struct SequenceFigures<'a> {
     timing_ms: Vec<StageTiming>,
 }
 
-/// `bench`.
 pub(crate) fn bench(args: &BenchArgs) -> Result<Status, Failure> {
-    // Mistakes in the configuration show here, once, instead of in every run.
+    // Checked here, so that an error in the configuration is reported once instead of in every run.
     let seed = config::resolve(&args.config)?.seed;
     config::simd()?;
     let interrupt = Interrupt::listen();
@@ -79,7 +76,6 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<Status, Failure> {
     })
 }
 
-/// Runs every path as often as asked for.
 fn sequences(args: &BenchArgs, seed: u64, interrupt: &Interrupt) -> Result<Vec<Sequence>, Failure> {
     let sources: Result<Vec<Source>, Failure> = args.paths.iter().map(|p| Source::of(p)).collect();
     let sources = sources?;
@@ -92,7 +88,7 @@ fn sequences(args: &BenchArgs, seed: u64, interrupt: &Interrupt) -> Result<Vec<S
             break;
         }
         let prepared = match source.prepare(&args.input, &settled, &args.out, seed) {
-            // Ctrl-C reaches the simulation too.
+            // Ctrl-C reaches the simulation process too.
             Err(_) if interrupt.requested() => break,
             prepared => prepared?,
         };
@@ -101,7 +97,7 @@ fn sequences(args: &BenchArgs, seed: u64, interrupt: &Interrupt) -> Result<Vec<S
             ..args.plan()
         };
         let mut sequence = plan.run(&prepared.path, name, interrupt)?;
-        // A scene is known by its name: its folder is gone soon.
+        // A scene is reported by name: its folder is temporary.
         sequence.path = path.display().to_string();
         sequence.detector.clone_from(&prepared.words);
         if !sequence.runs.is_empty() {
@@ -112,7 +108,7 @@ fn sequences(args: &BenchArgs, seed: u64, interrupt: &Interrupt) -> Result<Vec<S
 }
 
 impl BenchArgs {
-    /// How data sets are run, as the arguments say.
+    /// How the arguments ask for data sets to be run.
     pub(crate) fn plan(&self) -> Plan<'_> {
         Plan {
             runs: self.runs,
@@ -123,14 +119,13 @@ impl BenchArgs {
     }
 }
 
-/// What the user typed, for the report.
 pub(crate) fn command_line() -> String {
     let typed = crate::TYPED.get().into_iter().flatten();
     let words: Vec<_> = typed.map(|w| w.to_string_lossy()).collect();
     words.join(" ")
 }
 
-/// The last parts of the paths, with a number where two are the same.
+/// The last parts of the paths, numbered where two are equal.
 pub(crate) fn unique_names(paths: &[PathBuf]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for path in paths {
@@ -175,7 +170,7 @@ fn figures(sequence: &Sequence) -> SequenceFigures<'_> {
     }
 }
 
-/// Per stage, each statistic's median over the runs.
+/// Median over the runs of each statistic of each stage.
 fn stages(runs: &[Summary]) -> Vec<StageTiming> {
     let Some(first) = runs.first() else {
         return Vec::new();

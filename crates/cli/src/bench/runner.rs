@@ -1,4 +1,4 @@
-//! One data set several times, each run in a fresh process, so that memory and timing are honest.
+//! Runs one data set several times, each time in a fresh process.
 
 use crate::args::{ConfigArgs, InputArgs, forward};
 use crate::console;
@@ -10,19 +10,16 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// All runs of one data set.
 #[derive(Debug, Serialize)]
 pub(crate) struct Sequence {
     pub(crate) name: String,
     pub(crate) path: String,
-    /// What objects were detected with, in words.
     pub(crate) detector: String,
-    /// True when all runs gave the same trajectory, byte for byte; absent with fewer than two runs, which say nothing of it.
+    /// True when all trajectories are identical, byte for byte; absent with fewer than two runs.
     pub(crate) identical: Option<bool>,
     pub(crate) runs: Vec<Summary>,
 }
 
-/// Median and worst of several runs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct Spread {
     pub(crate) median: f64,
@@ -30,7 +27,6 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    /// `None` without values. The worst is the largest.
     pub(crate) fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let values: Vec<f64> = values.into_iter().collect();
         let worst = values.iter().copied().reduce(f64::max)?;
@@ -38,7 +34,7 @@ impl Spread {
         Some(Self { median, worst })
     }
 
-    /// Share of frames with a pose, of which the worst is the smallest. Not a number without runs.
+    /// Share of frames with a pose, of which the worst is the smallest. NaN without runs.
     pub(crate) fn of_tracked(runs: &[Summary]) -> Self {
         let shares: Vec<f64> = runs
             .iter()
@@ -65,12 +61,11 @@ pub(crate) fn median(mut values: Vec<f64>) -> f64 {
 #[derive(Debug, Default)]
 pub(crate) struct Trajectories {
     first: Option<Vec<u8>>,
-    /// `None` until there are two.
+    /// `None` with fewer than two.
     same: Option<bool>,
 }
 
 impl Trajectories {
-    /// Takes the file that one more run wrote.
     pub(crate) fn push(&mut self, trajectory: Vec<u8>) {
         match &self.first {
             None => self.first = Some(trajectory),
@@ -78,36 +73,32 @@ impl Trajectories {
         }
     }
 
-    /// True when all were the same bytes; `None` with fewer than two.
+    /// True when all are the same bytes; `None` with fewer than two.
     pub(crate) fn identical(&self) -> Option<bool> {
         self.same
     }
 }
 
-/// How data sets are run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plan<'a> {
-    /// Runs per data set.
     pub(crate) runs: u32,
-    /// The runs' results go to `runs/` in it.
+    /// Output folder; the results of the runs go to `runs/` in it.
     pub(crate) out: &'a Path,
-    /// Input options of every run.
     pub(crate) input: &'a InputArgs,
-    /// Configuration options of every run.
     pub(crate) config: &'a ConfigArgs,
 }
 
 impl Plan<'_> {
-    /// Makes the folder for the results, so that one that cannot be written is known before the first run.
+    /// Creates the output folder, so that an unwritable one is reported before the first run.
     pub(crate) fn prepare(&self) -> Result<(), Failure> {
         let folder = self.out.join("runs");
         std::fs::create_dir_all(&folder).map_err(|e| Failure::write(&folder, &e))
     }
 
-    /// Runs a data set as often as planned, or until the user asks to stop. `name` is that of its results.
+    /// Runs a data set as often as planned, or until interrupted. `name` is that of its results.
     ///
     /// # Errors
-    /// The first run that cannot be carried out; losing frames is none.
+    /// The first run that fails; lost frames are not a failure.
     pub(crate) fn run(
         &self,
         path: &Path,
@@ -134,27 +125,26 @@ impl Plan<'_> {
         })
     }
 
-    /// One run, whose result goes to `runs/` under a name: its figures and its final trajectory.
+    /// One run, with its result in `runs/` under a name: summary and final trajectory.
     ///
     /// # Errors
-    /// A run that failed, or whose summary or trajectory cannot be read.
+    /// A failed run, or an unreadable summary or trajectory.
     pub(crate) fn once(&self, path: &Path, name: &str) -> Result<(Summary, Vec<u8>), Failure> {
         self.with(Vec::new(), path, name)
     }
 
-    /// The same as a live run: with a thread per stage, at the pace of the camera.
+    /// One live run: a thread per stage, at camera rate.
     pub(crate) fn live(&self, path: &Path, name: &str) -> Result<Summary, Failure> {
         Ok(self.with(vec!["--live".into()], path, name)?.0)
     }
 
-    /// One run with more arguments.
     fn with(
         &self,
         more: Vec<OsString>,
         path: &Path,
         name: &str,
     ) -> Result<(Summary, Vec<u8>), Failure> {
-        // Not every system takes the colon of a simulated scene in the name of a folder.
+        // Some systems do not allow the colon of `sim:SCENE` in folder names.
         let out = self.out.join("runs").join(name.replace(':', "_"));
         let summary = run_once(
             &[forward::typed(self.input, self.config, path), more].concat(),
@@ -172,13 +162,12 @@ impl Plan<'_> {
     }
 }
 
-/// This program, to be run in a process of its own.
 pub(crate) fn program() -> Result<Command, Failure> {
     crate::program()
         .map_err(|e| Failure::input(format!("expected to find this program, found: {e}")))
 }
 
-/// One run in a process of its own.
+/// One run in a separate process.
 fn run_once(arguments: &[OsString], path: &Path, out: &Path) -> Result<Summary, Failure> {
     let mut command = program()?;
     let output = command
@@ -191,7 +180,7 @@ fn run_once(arguments: &[OsString], path: &Path, out: &Path) -> Result<Summary, 
         .output()
         .map_err(|e| Failure::input(format!("expected to run this program, found: {e}")))?;
     let said = String::from_utf8_lossy(&output.stderr);
-    // 1 says that frames were lost: a figure of the report, not a failure of the bench.
+    // Exit code 1 means lost frames: a figure of the report, not a failure of the bench.
     if !matches!(output.status.code(), Some(0 | 1)) {
         let said = said.trim().trim_start_matches("error: ");
         return Err(Failure::input(format!(

@@ -1,4 +1,4 @@
-//! What a bench runs on: data set folders, recordings, and simulated scenes, which lie in a folder for as long as they are needed.
+//! Inputs of a bench: data set folders, recordings, and simulated scenes, which are written to temporary folders.
 
 use crate::args::InputArgs;
 use crate::bench::runner::program;
@@ -10,28 +10,25 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 
-/// Begins the name of a simulated scene among the paths.
+/// Prefix of simulated scenes among the paths.
 const PREFIX: &str = "sim:";
 /// Why a scene has no detector.
 const NOBODY: &str = "nobody is in the scene";
 
-/// One of the paths.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Source {
-    /// A data set or recording.
     Folder(PathBuf),
-    /// A scene of the simulator.
     Scene(String),
 }
 
 impl Source {
-    /// Tells a scene from a path, and refuses what is neither, before anything runs.
+    /// Distinguishes scenes from paths; refuses invalid ones before anything runs.
     pub(crate) fn of(path: &Path) -> Result<Self, Failure> {
         let scene = path.to_str().and_then(|p| p.strip_prefix(PREFIX));
         match scene {
             // A folder whose name starts with the prefix can be given as `./name`.
             Some(scene) => {
-                // Building one frame's worth of a scene is the check that its name is one.
+                // Building the scene checks its name.
                 let config = SimulatorConfig {
                     scene: scene.to_owned(),
                     frames: Some(1),
@@ -51,8 +48,8 @@ impl Source {
         }
     }
 
-    /// Makes it a folder that can be run. A scene is simulated with `seed`, below `out`; unless `--detector` was given, its runs
-    /// get the simulator's own detections, and those of a scene without people none: never a model that happens to be there.
+    /// Provides a folder that can be run. A scene is simulated with `seed`, below `out`. Unless `--detector` is given, its runs use the
+    /// simulator's own detections, or none in a scene without people; never a model that happens to be in the cache.
     ///
     /// # Errors
     /// A simulation that could not be written.
@@ -73,7 +70,7 @@ impl Source {
         simulate(scene, &path, frames, seed)?;
         let script = path.join("detections.csv");
         let mut input = input.clone();
-        // The folder says which camera it was.
+        // The simulated folder holds its camera file.
         input.camera = None;
         let mut prepared = if input.detector.detector.is_some() {
             Prepared::of(path, &input, settled)
@@ -86,7 +83,7 @@ impl Source {
                 _temporary: None,
             }
         } else {
-            // There is no script where nobody is seen.
+            // Without people there is no file of detections.
             Prepared::of(path, &input, &Settled::none(NOBODY))
         };
         prepared._temporary = Some(temporary);
@@ -94,11 +91,11 @@ impl Source {
     }
 }
 
-/// Which detector the runs get, settled once, so that all get the same. Where only scenes are run and nothing is said, the user's
-/// models are not looked at.
+/// Chooses the detector once, so that all runs use the same. If all inputs are scenes and no detector is given, the model cache is not
+/// read.
 ///
 /// # Errors
-/// A name of no detector, a cache that cannot be read.
+/// An unknown detector, a cache that cannot be read.
 pub(crate) fn settle(sources: &[Source], input: &InputArgs) -> Result<Settled, Failure> {
     let folders = sources.iter().any(|s| matches!(s, Source::Folder(_)));
     if !folders && input.detector.detector.is_none() {
@@ -114,11 +111,9 @@ pub(crate) fn settle(sources: &[Source], input: &InputArgs) -> Result<Settled, F
 pub(crate) struct Prepared {
     pub(crate) path: PathBuf,
     pub(crate) input: InputArgs,
-    /// Nothing looks at the frames.
     pub(crate) blind: bool,
-    /// What its runs detect objects with, in words.
     pub(crate) words: String,
-    /// Removed with this.
+    /// The folder of a simulated scene, removed on drop.
     _temporary: Option<Temporary>,
 }
 
@@ -133,7 +128,7 @@ impl Prepared {
         }
     }
 
-    /// The same with another camera's model; not to be used once this is dropped.
+    /// A copy with another camera model; valid only while `self` exists.
     pub(crate) fn with_camera(&self, camera: Option<&str>) -> Self {
         let mut input = self.input.clone();
         if let Some(camera) = camera {
@@ -149,18 +144,18 @@ impl Prepared {
     }
 }
 
-/// A folder that goes when it is dropped.
+/// A folder that is removed on drop.
 #[derive(Debug)]
 struct Temporary(PathBuf);
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        // What cannot be removed is hidden, and does no harm.
+        // A failure is harmless: the folder is hidden.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
-/// Writes a scene in a process of its own, so that its memory is not this one's.
+/// Simulates a scene in a separate process, so that its memory is not counted here.
 fn simulate(scene: &str, out: &Path, frames: Option<u64>, seed: u64) -> Result<(), Failure> {
     console::info(&format!("simulating scene {scene}, seed {seed}"));
     let mut command = program()?;

@@ -1,7 +1,6 @@
-//! The configuration as text, with what each value means, for `config print` and result folders.
+//! The configuration as commented text, for `config print` and result folders.
 //!
-//! The meanings are those of the fields' documentation in the source; a test compares the two and can renew
-//! the file.
+//! The comments are the doc comments of the fields in the source; a test compares the two and can renew the file.
 
 use crate::failure::Failure;
 use stillpoint::slam::Config;
@@ -36,7 +35,7 @@ pub(crate) fn to_text(config: &Config) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// Moves a section to the end: a list of 80 short lines would part what stands before it from what stands behind it.
+/// Moves a section to the end: a list of 80 short lines would separate the sections around it.
 fn with_list_last(text: &str, heading: &str) -> String {
     let (mut rest, mut list) = (String::new(), String::new());
     let mut inside = false;

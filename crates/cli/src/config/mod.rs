@@ -1,7 +1,6 @@
-//! The configuration: defaults, then the file, then `--set`, then `--seed`; later ones win.
+//! The configuration: defaults, then the file, then `--set`, then `--seed`; later ones override.
 //!
-//! Answers: what the system is run with, and which line or argument is wrong when something is. What values mean and
-//! which are valid is the business of the crates that use them.
+//! Resolves the configuration and locates errors (line or argument). The crates that use the values define their meaning and validity.
 
 pub(crate) mod docs;
 mod removed;
@@ -23,7 +22,6 @@ use stillpoint::slam::Config;
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
-/// `config print`.
 pub(crate) fn print(args: &PrintArgs) -> Result<Status, Failure> {
     console::print(&to_text(&resolve(&args.config)?)?);
     Ok(Status::Ok)
@@ -34,7 +32,7 @@ pub(crate) fn resolve(args: &ConfigArgs) -> Result<Config, Failure> {
     over(Layers::new()?, args)
 }
 
-/// The configuration that the arguments ask for, laid over that of a log.
+/// The configuration that the arguments ask for, on top of that of a log.
 pub(crate) fn resolve_over(
     logged: &Table,
     log: &Path,
@@ -46,12 +44,12 @@ pub(crate) fn resolve_over(
     over(layers, args)
 }
 
-/// The configuration as a table. By way of the text, so that a log holds what `config print` shows.
+/// The configuration as a table. Converted from the text, so that a log holds what `config print` shows.
 pub(crate) fn to_table(config: &Config) -> Result<Table, Failure> {
     plain_text(config)?.parse().map_err(Failure::input)
 }
 
-/// Bytes of a configuration at most: that of all fields has some ten thousand.
+/// Maximum size of a configuration, bytes: one with all fields has some ten thousand.
 const LARGEST: u64 = 1 << 22;
 
 fn over(mut layers: Layers, args: &ConfigArgs) -> Result<Config, Failure> {
@@ -77,8 +75,7 @@ fn over(mut layers: Layers, args: &ConfigArgs) -> Result<Config, Failure> {
     Ok(config)
 }
 
-/// The instruction set: that of the machine, or portable code when the environment says `STILLPOINT_SIMD=scalar`. The
-/// results are the same to the bit; only the speed differs.
+/// The instruction set: that of the machine, or portable code if `STILLPOINT_SIMD=scalar` is set. The results are the same to the bit.
 pub(crate) fn simd() -> Result<Simd, Failure> {
     match std::env::var_os("STILLPOINT_SIMD") {
         None => Ok(Simd::detect()),
@@ -90,12 +87,12 @@ pub(crate) fn simd() -> Result<Simd, Failure> {
     }
 }
 
-/// Threads that share the work on a frame, at most: more gain nothing.
+/// Maximum number of threads per frame: more gain nothing.
 const MOST_WORKERS: usize = 4;
 
-/// Threads that share the work on a frame: as the environment says by `STILLPOINT_WORKERS`, else as many as the machine has cores to spare. One
-/// core reads images ahead; in a live run detection and mapping want cores of their own, too. A thread that shares a core with them is late, and costs
-/// more than it brings. The results are the same to the bit; only the speed differs.
+/// Worker threads per frame: `STILLPOINT_WORKERS`, else the spare cores of the machine. One core reads images ahead; in a live run
+/// detection and mapping need cores too. A worker that shares a core with them is late, and costs more than it saves. The results are the
+/// same to the bit.
 pub(crate) fn workers(live: bool) -> Result<Workers, Failure> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let spare = if live { cores / 2 } else { cores - 1 };
@@ -117,13 +114,13 @@ pub(crate) fn workers(live: bool) -> Result<Workers, Failure> {
 /// Where values come from, for messages.
 enum Origin<'a> {
     File(&'a Path),
-    /// The log of a run, whose configuration stands somewhere in it.
+    /// The log of a run, which contains the configuration.
     Log(&'a Path),
     Set(&'a str),
 }
 
 impl Origin<'_> {
-    /// The place of byte `at` of the text.
+    /// The location of byte `at` of the text.
     fn place(&self, text: &str, at: usize) -> String {
         match self {
             Self::File(path) => {
@@ -137,7 +134,7 @@ impl Origin<'_> {
     }
 }
 
-/// The values so far, as a table and as what it means.
+/// The layers applied up to this point, as a table and as a `Config`.
 struct Layers {
     table: Table,
     config: Config,
@@ -150,7 +147,7 @@ impl Layers {
         Ok(Self { table, config })
     }
 
-    /// Lays the values of `text` (TOML) over those so far.
+    /// Overrides values with those of `text` (TOML).
     fn add(&mut self, text: &str, origin: &Origin<'_>) -> Result<(), Failure> {
         let fail = |e: toml::de::Error| {
             let at = e.span().map_or(0, |s| s.start);
@@ -224,13 +221,13 @@ impl Layers {
         }
     }
 
-    /// Puts the weight of a class among the values, where only those that differ from their defaults are.
+    /// Adds the weight of a class to the values, which hold only those that differ from their defaults.
     fn name_weight(&mut self, path: &str, place: &str) -> Result<(), Failure> {
         let Some(name) = path.strip_prefix("motion_weights.") else {
             return Ok(());
         };
         let mut weights = self.config.motion_weights.clone();
-        // Any weight will do here: an error in the user's weight is reported when it is set.
+        // Any weight will do: an invalid one from the user is reported when it is set.
         weights
             .set(name, 0.0)
             .map_err(|e| Failure::input(format!("{place}: {e}")))?;
@@ -242,8 +239,8 @@ impl Layers {
         Ok(())
     }
 
-    /// `KEY=WORD` with the word in quotes where the value is a word, since shells take quotes away; and where the word is nothing
-    /// else in TOML, whose parser would guess from its first letter what it was meant to be.
+    /// Quotes the value of `KEY=WORD` where needed, since shells remove quotes: if the setting is a string, or if the word is not valid
+    /// TOML, whose parser would guess its type from the first letter.
     fn quoted(&mut self, set: &str) -> String {
         let bare = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
         let is_value = |word: &str| format!("x={word}").parse::<Table>().is_ok();
@@ -270,7 +267,7 @@ impl Layers {
     }
 }
 
-/// All values with their dotted paths and where their keys stand in the text.
+/// All values with their dotted paths and the positions of their keys in the text.
 fn flatten<'a>(
     table: &'a Table,
     spans: Option<&DeTable<'_>>,
@@ -289,14 +286,14 @@ fn flatten<'a>(
                 });
                 flatten(inner, inner_spans, &format!("{path}."), leaves);
             }
-            // An empty section says nothing.
+            // An empty section sets nothing.
             Value::Table(_) => {}
             _ => leaves.push((path, value, at)),
         }
     }
 }
 
-/// The keys that a mistyped one may have been meant to be: those of its section, if there is such a section.
+/// Candidates for a mistyped key: those of its section, if the section exists.
 fn among<'a>(path: &str, names: &[&'a str]) -> Vec<&'a str> {
     let section = path.rfind('.').map_or("", |end| &path[..=end]);
     let same: Vec<&str> = names
@@ -311,7 +308,7 @@ fn among<'a>(path: &str, names: &[&'a str]) -> Vec<&'a str> {
     }
 }
 
-/// Whole numbers may stand for others; everything else needs its own kind.
+/// Whole numbers may stand for floats; otherwise the types must match.
 fn fits(old: &Value, new: &Value) -> bool {
     old.same_type(new) || (old.is_float() && new.is_integer())
 }

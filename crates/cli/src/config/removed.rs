@@ -1,6 +1,6 @@
-//! Keys that earlier versions had, and what to do instead.
+//! Keys of earlier versions, and their replacements.
 
-/// Key, and what stands in its place.
+/// Key and replacement.
 const REMOVED: &[(&str, &str)] = &[
     (
         "features.levels",
@@ -103,7 +103,7 @@ const REMOVED: &[(&str, &str)] = &[
     ),
 ];
 
-/// What stands in the place of a key that is gone.
+/// The replacement of a removed key.
 pub(super) fn instead_of(path: &str) -> Option<&'static str> {
     let found = REMOVED.iter().find(|(key, _)| *key == path);
     found.map(|(_, instead)| *instead)

@@ -1,4 +1,4 @@
-//! Layers of the configuration: which wins, and what is refused with which words.
+//! Tests of the configuration layers: precedence and error messages.
 
 use super::*;
 use crate::config::docs::doc_of;
@@ -60,7 +60,7 @@ fn words_need_no_quotes_in_arguments() {
     }
 }
 
-/// What the program says of `--set` with this argument.
+/// The error message for `--set` with this argument.
 fn refused(set: &str) -> String {
     let args = ConfigArgs {
         set: vec![set.to_owned()],
@@ -76,7 +76,7 @@ fn a_mistyped_key_is_looked_for_in_its_own_section() {
     assert!(e.contains("did you mean \"features."), "{e}");
     let e = refused("features.feature=3");
     assert!(e.contains("did you mean \"features.features\"?"), "{e}");
-    // A section that does not exist is mistyped itself.
+    // The section itself is mistyped.
     let e = refused("feature.features=3");
     assert!(e.contains("did you mean \"features.features\"?"), "{e}");
 }
@@ -156,7 +156,7 @@ fn mistakes_name_place_path_and_remedy() {
 }
 
 proptest::proptest! {
-    /// Whatever a configuration file holds, it is a configuration or an error that names the file and, but for ranges, the line.
+    /// Any configuration file is valid or gives an error that names the file and, except for ranges, the line.
     #[test]
     fn damaged_files_are_configurations_or_errors_that_name_the_place(
         at in proptest::prelude::any::<proptest::sample::Index>(), cut in 0..12_usize,
@@ -253,7 +253,7 @@ fn every_value_has_its_meaning() {
     let mut leaves = Vec::new();
     flatten(&table, None, "", &mut leaves);
     for (path, ..) in leaves {
-        // The names of classes are their own meaning, and the section says what the numbers are.
+        // Class names need no explanation, and the section documents the numbers.
         let class = path.starts_with("motion_weights.");
         assert!(
             class || doc_of(&path).is_some(),

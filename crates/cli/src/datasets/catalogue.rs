@@ -1,4 +1,4 @@
-//! Where the sequences of the suites are published.
+//! Download addresses of the suites' sequences.
 
 use crate::bench::suite::catalogue::{Known, Suite};
 use crate::failure::Failure;
@@ -6,18 +6,14 @@ use crate::spelling;
 use clap::ValueEnum;
 use stillpoint::fetch::archive::Packing;
 
-/// More edits than this share of a name make it another name.
+/// Maximum share of edits for a name to count as mistyped.
 const MISTYPED: f64 = 0.3;
 
-/// Where a data set is published.
 pub(crate) struct Origin {
-    /// Its server: what a mirror replaces.
+    /// Its server; a mirror replaces this part.
     pub(crate) server: &'static str,
-    /// The page on which it describes itself.
     pub(crate) page: &'static str,
-    /// Its licence, as far as its page states one.
     pub(crate) licence: &'static str,
-    /// How its sequences are packed.
     pub(crate) packing: Packing,
 }
 
@@ -36,7 +32,6 @@ const BONN: Origin = Origin {
 };
 
 impl Suite {
-    /// Where it is published.
     pub(crate) fn origin(self) -> &'static Origin {
         match self {
             Self::TumDynamic => &TUM,
@@ -45,7 +40,6 @@ impl Suite {
     }
 }
 
-/// A sequence that is published.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sequence {
     pub(crate) suite: Suite,
@@ -53,19 +47,17 @@ pub(crate) struct Sequence {
 }
 
 impl Sequence {
-    /// Those of all suites, in their order.
     pub(crate) fn all() -> impl Iterator<Item = Self> {
         let suites = Suite::value_variants().iter();
         suites.flat_map(|suite| Self::of(*suite))
     }
 
-    /// Those of a suite, in its order.
     pub(crate) fn of(suite: Suite) -> impl Iterator<Item = Self> {
         let known = suite.sequences().iter();
         known.map(move |known| Self { suite, known })
     }
 
-    /// The short name, as `fr3_walking_xyz`.
+    /// The short name, such as `fr3_walking_xyz`.
     pub(crate) fn name(self) -> String {
         let camera = self.known.camera.last().unwrap_or(&"");
         format!("{camera}_{}", self.known.name)
@@ -85,7 +77,6 @@ impl Sequence {
         format!("{set}_{}_{}", self.camera(), self.known.name)
     }
 
-    /// The published file's name.
     pub(crate) fn file(self) -> String {
         let ending = match self.suite.origin().packing {
             Packing::TarGz => "tgz",
@@ -94,7 +85,7 @@ impl Sequence {
         format!("{}.{ending}", self.folder())
     }
 
-    /// The address, at a mirror where there is one.
+    /// The address, at the mirror if given.
     pub(crate) fn address(self, mirror: Option<&str>) -> String {
         let server = mirror.unwrap_or(self.suite.origin().server);
         let server = server.trim_end_matches('/');
@@ -106,7 +97,7 @@ impl Sequence {
     }
 }
 
-/// What a name stands for: a sequence by its folder's name in any form in use, or all of a suite.
+/// Resolves a name: a sequence by its folder's name in any common form, or all of a suite.
 pub(crate) fn named(name: &str) -> Result<Vec<Sequence>, Failure> {
     let suites = Suite::value_variants();
     if let Some(suite) = suites.iter().find(|s| s.name() == name) {
@@ -164,7 +155,7 @@ mod tests {
         );
         for sequence in Sequence::all() {
             assert_eq!(named(&sequence.name()).unwrap(), [sequence]);
-            // `bench --suite` finds it where it is pulled to.
+            // `bench --suite` must find the pulled folder.
             let found = sequence.suite.recognise(&sequence.folder());
             assert_eq!(found, Some(sequence.known));
         }

@@ -1,4 +1,4 @@
-//! `datasets`: which sequences of public data sets are known, and how they get here.
+//! `datasets`: lists and downloads sequences of public data sets.
 
 pub(crate) mod catalogue;
 pub(crate) mod pull;
@@ -11,7 +11,6 @@ use crate::failure::{Failure, Status};
 use clap::ValueEnum;
 use stillpoint::evaluation::{Align, Table};
 
-/// `datasets`.
 pub(crate) fn datasets(command: &DatasetsCommand) -> Result<Status, Failure> {
     match command {
         DatasetsCommand::List(_) => {

@@ -1,4 +1,4 @@
-//! `datasets pull`, and what `bench --suite --pull` takes from it: sequences from their official pages.
+//! `datasets pull` and `bench --suite --pull`: sequences from their official pages.
 
 use crate::args::datasets::PullArgs;
 use crate::bench::suite::catalogue::Suite;
@@ -15,7 +15,6 @@ use stillpoint::fetch::{Progress, RealDisk, Waits, shown_address};
 /// A list of frames, which every sequence has.
 const HOLDS: &str = "rgb.txt";
 
-/// `datasets pull`.
 pub(crate) fn pull(args: &PullArgs) -> Result<Status, Failure> {
     let sequences = named(&args.name)?;
     let interrupt = Interrupt::listen();
@@ -34,7 +33,7 @@ pub(crate) fn pull(args: &PullArgs) -> Result<Status, Failure> {
     Ok(Status::Ok)
 }
 
-/// Gets those of a suite that are asked for into a folder, one after the other. The first that cannot be had ends it: what came is kept.
+/// Downloads the given sequences of a suite into a folder, one after the other. Ends at the first failure and keeps partial downloads.
 pub(crate) fn missing(
     suite: Suite,
     is_missing: impl Fn(Sequence) -> bool,
@@ -48,7 +47,6 @@ pub(crate) fn missing(
     Ok(())
 }
 
-/// Gets one sequence.
 fn one(
     sequence: Sequence,
     dir: &Path,
@@ -81,7 +79,6 @@ fn one(
     })
 }
 
-/// What the user has been told of a sequence on its way.
 #[derive(Default)]
 struct Shown {
     bar: Bar,
@@ -119,7 +116,7 @@ impl Shown {
     }
 }
 
-/// What the server says of the file.
+/// The file size as stated by the server.
 fn size(total: Option<u64>) -> String {
     match total {
         Some(bytes) => format!("size: {}", megabytes(bytes)),
@@ -127,7 +124,6 @@ fn size(total: Option<u64>) -> String {
     }
 }
 
-/// What was had.
 fn text(sequence: Sequence, pulled: &Pulled, mirror: Option<&str>) -> String {
     let url = shown_address(&sequence.address(mirror));
     let mut text = format!(

@@ -1,18 +1,18 @@
-//! The simulator's own detections, frame by frame as they are needed.
+//! The simulator's own detections, generated frame by frame.
 
 use crate::simulate::script_rows;
 use stillpoint::detection::{DetectError, Detections, Detector, DetectorInfo, DetectorKind};
 use stillpoint::imaging::RgbdFrame;
 use stillpoint::simulator::{DetectionNoise, Simulator};
 
-/// What `simulate` would have written to `detections.csv`.
+/// Gives the detections that `simulate` would write to `detections.csv`.
 pub(crate) struct SimulatedDetector {
     simulator: Simulator,
     noise: DetectionNoise,
 }
 
 impl SimulatedDetector {
-    /// For the frames of an equal simulator with this seed.
+    /// For the frames of an equal simulator; `seed` is that of the detection noise.
     pub(crate) fn new(simulator: Simulator, seed: u64) -> Self {
         let noise = DetectionNoise {
             seed,
@@ -24,7 +24,7 @@ impl SimulatedDetector {
 
 impl Detector for SimulatedDetector {
     fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
-        // The simulator numbers its frames.
+        // Frame ids of the simulator are its frame numbers.
         let said = self.simulator.detections(frame.id.0 as usize, &self.noise);
         let rows = script_rows(&said);
         let mut items: Vec<_> = rows.into_iter().map(|r| r.detection).collect();
@@ -41,7 +41,6 @@ impl Detector for SimulatedDetector {
     }
 }
 
-/// What it leaves out and gets wrong, in words.
 pub(crate) fn errors_in_words() -> String {
     let noise = DetectionNoise::default();
     format!(

@@ -1,4 +1,4 @@
-//! `demo`: a simulated room with people in it, through the system twice, with the static filter off and on.
+//! `demo`: runs SLAM twice on a simulated room with people, with the static filter off and on.
 
 pub(crate) mod detector;
 pub(crate) mod pictures;
@@ -35,7 +35,7 @@ use stillpoint::imaging::Simd;
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Preset};
 
-/// Every file that stands beside the results of the two passes, and the animation of older ones.
+/// Every file beside the results of the two passes, and the animation of older versions.
 const FILES: [&str; 6] = [
     FILM,
     "side_by_side.png",
@@ -45,15 +45,13 @@ const FILES: [&str; 6] = [
     "comparison.png",
 ];
 
-/// All of it in motion.
 const FILM: &str = "demo.webp";
-/// Its size, MB, at most: that of the picture in README, which is held to it by a test.
+/// Maximum size of the animation, MB: that of the picture in README, which a test holds to this limit.
 const FILM_MB: f64 = 3.0;
 
-/// The ATE RMSE that the pass with the filter must not exceed, m: with the simulator's detections, and without any.
+/// Maximum ATE RMSE of the pass with the filter, m: with the simulator's detections, and without any.
 const BOUND: [f64; 2] = [0.010, 0.015];
 
-/// What both passes have in common.
 struct DemoStage<'a> {
     args: &'a DemoArgs,
     scene: SimulatorConfig,
@@ -62,7 +60,6 @@ struct DemoStage<'a> {
     interrupt: &'a Interrupt,
 }
 
-/// `demo`.
 pub(crate) fn demo(args: &DemoArgs, timing: &'static Timing) -> Result<Status, Failure> {
     let on = config::resolve(&args.config)?;
     if on.static_filter.preset == Preset::Off {
@@ -109,11 +106,10 @@ pub(crate) fn demo(args: &DemoArgs, timing: &'static Timing) -> Result<Status, F
     Ok(report::judge(&on.pass, bound, status))
 }
 
-/// A pass and what is drawn of it.
 struct Passed {
     pass: Pass,
     shots: Shots,
-    /// Of the pass with the filter alone.
+    /// Only for the pass with the filter.
     scene: Option<Scene>,
 }
 
@@ -203,7 +199,7 @@ impl DemoStage<'_> {
         Ok(Passed { pass, shots, scene })
     }
 
-    /// What is kept of a pass; of the one with the filter, which has no people in its map, surface and views as well.
+    /// Outputs of a pass; for the pass with the filter, whose map has no people, also surface and views.
     fn sinks(&self, simulator: &Simulator, config: &Config) -> Result<Sinks, Failure> {
         let shots = Shots::new(simulator.len(), &config.motion_weights);
         let mut all: Vec<Box<dyn Sink>> = vec![Box::new(shots), Box::new(Gathering::default())];
@@ -218,7 +214,7 @@ impl DemoStage<'_> {
         Ok(Sinks(all))
     }
 
-    /// Both passes in one moving picture; none of a run that was lost from its beginning. Says what it is called.
+    /// Writes the animation of both passes, and returns its name; `None` if a run was lost from its beginning.
     fn film(&self, off: &Passed, on: &Passed) -> Result<Option<&'static str>, Failure> {
         let Some(scene) = on.scene.as_ref().filter(|_| !on.pass.poses.is_empty()) else {
             return Ok(None);
@@ -238,7 +234,6 @@ impl DemoStage<'_> {
         Ok(Some(FILM))
     }
 
-    /// Pictures of both passes.
     fn draw(
         &self,
         mut folder: ResultFolder,
@@ -258,7 +253,7 @@ impl DemoStage<'_> {
         let (still, animation) = beside(off_shots, on_shots, [&titles[0], &titles[1]])?;
         folder.write("side_by_side.png", &still)?;
         folder.write("animation.gif", &animation)?;
-        // A camera that stands still has no alignment: the plots of both passes show its drift.
+        // Where the ground truth stands still, alignment is undefined; the plots of both passes show the drift.
         if let (Some(Score::Moving(a)), Some(Score::Moving(b))) = (&off.score, &on.score) {
             let estimates = [("filter off", a), ("filter on", b)].map(|(name, e)| Compared {
                 name,

@@ -1,4 +1,4 @@
-//! Pictures of both passes of the demo, and what the filter did in them against what is true.
+//! Images of both passes of the demo, and the filter's verdicts against the simulator's masks.
 
 use crate::failure::Failure;
 use crate::sink::{Ended, Sink, Subscription};
@@ -12,15 +12,13 @@ use stillpoint::simulator::Simulator;
 use stillpoint::slam::{Event, FeatureVerdict, FrameReport, Reasons};
 use stillpoint::view::{Animation, AnimationOptions, Picture, side_by_side, write_png};
 
-/// Pictures of a pass, at most: some 20 MB.
+/// Maximum number of images per pass: some 20 MB.
 const MOST: usize = 50;
-/// Frames per second of the simulator.
 const RATE: f64 = 30.0;
 
-/// Takes every n-th frame of a pass.
+/// Keeps every n-th frame of a pass.
 pub(crate) struct Shots {
     every: usize,
-    /// Frames that went by.
     seen: usize,
     style: Style,
     taken: Vec<Shot>,
@@ -48,7 +46,6 @@ impl Sink for Shots {
     }
 }
 
-/// A frame as the system saw it.
 struct Shot {
     frame: FrameId,
     picture: Picture,
@@ -62,7 +59,6 @@ impl Shot {
 }
 
 impl Shots {
-    /// For a pass of so many frames.
     pub(crate) fn new(frames: usize, weights: &MotionWeights) -> Self {
         Self {
             every: frames.div_ceil(MOST).max(1),
@@ -75,13 +71,12 @@ impl Shots {
         }
     }
 
-    /// Whether the next frame will be taken.
+    /// Counts a frame; true if it will be kept.
     fn wants_next(&mut self) -> bool {
         self.seen += 1;
         (self.seen - 1).is_multiple_of(self.every)
     }
 
-    /// Takes a frame.
     fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) {
         self.taken.push(Shot {
             frame: report.frame,
@@ -90,7 +85,7 @@ impl Shots {
         });
     }
 
-    /// How the filter did in the frames that were taken.
+    /// Counts the filter's verdicts in the kept frames against the simulator's masks.
     pub(crate) fn against_truth(&self, simulator: &Simulator) -> Hits {
         let mut hits = Hits::default();
         for shot in &self.taken {
@@ -113,7 +108,7 @@ impl Shots {
     }
 }
 
-/// Keypoints on people and what they carry, whether these move at the time or not, and all others, by the simulator's masks.
+/// Verdicts in the kept frames by the simulator's masks: on people with their belongings, moving or not, and elsewhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Hits {
     pub(crate) people: usize,
@@ -124,11 +119,11 @@ pub(crate) struct Hits {
     pub(crate) others_rejected: usize,
 }
 
-/// Both passes beside each other: a still, as PNG, of the frame in which most was rejected, and an animation, as GIF.
-/// Frames that only one pass has are left out.
+/// Both passes side by side: a PNG of the frame with most rejected keypoints, and a GIF animation. Frames that only one pass has are left
+/// out.
 ///
 /// # Errors
-/// Passes without any frame in common.
+/// Passes without any common frame.
 pub(crate) fn beside(
     off: &Shots,
     on: &Shots,

@@ -1,4 +1,4 @@
-//! What the demo prints about its two passes.
+//! Text output of the demo.
 
 use crate::console::{self, counted};
 use crate::demo::pictures::Hits;
@@ -9,12 +9,9 @@ use std::path::Path;
 use stillpoint::datasets::StampedPose;
 use stillpoint::evaluation::{Score, Table};
 
-/// One pass.
 pub(crate) struct Pass {
     pub(crate) summary: Summary,
-    /// Of the final poses.
     pub(crate) score: Option<Score>,
-    /// The final poses.
     pub(crate) poses: Vec<StampedPose>,
 }
 
@@ -28,7 +25,6 @@ impl Pass {
     }
 }
 
-/// The error in a few words.
 pub(crate) fn error(pass: &Pass) -> String {
     pass.error().map_or_else(
         || "no score".to_owned(),
@@ -36,8 +32,7 @@ pub(crate) fn error(pass: &Pass) -> String {
     )
 }
 
-/// What a person reads at the end, in five lines: what was shown, both errors, what was made, and where it is. `bound` is that of
-/// the error with the filter, m.
+/// The five final lines: scene, both errors, files, and their folder. `bound` is the limit for the error with the filter, m.
 pub(crate) fn lines(
     (scene, people): (&str, bool),
     [off, on]: [&Pass; 2],
@@ -93,7 +88,7 @@ pub(crate) fn lines(
     )
 }
 
-/// Both passes beside each other, with every figure.
+/// Both passes side by side, with every figure.
 pub(crate) fn text(off: &Pass, on: &Pass, hits: &Hits) -> String {
     let mut table = Table::new(["", "filter off", "filter on"]);
     let mut row = |name: &str, of: &dyn Fn(&Pass) -> String| {
@@ -125,7 +120,6 @@ pub(crate) fn text(off: &Pass, on: &Pass, hits: &Hits) -> String {
     format!("\n{}{}", table.to_text(), truth_text(hits))
 }
 
-/// The filter against the simulator's masks.
 fn truth_text(hits: &Hits) -> String {
     let percent = |part: usize, of: usize| 100.0 * part as f64 / of.max(1) as f64;
     let kept = percent(hits.others - hits.others_rejected, hits.others);
@@ -144,7 +138,7 @@ fn truth_text(hits: &Hits) -> String {
     )
 }
 
-/// Well when the pass with the filter ended well and met its bound, m. Says so where it did not.
+/// `Ok` when the pass with the filter succeeded and met its bound, m; otherwise prints why.
 pub(crate) fn judge(on: &Pass, bound: f64, status: Status) -> Status {
     let limit = bound * 1e3;
     match on.error() {

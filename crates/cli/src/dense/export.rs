@@ -1,4 +1,4 @@
-//! `map mesh`, `map grid`, `map octomap`: what a run with --dense left in a map file, in formats that other programs read.
+//! `map mesh`, `map grid`, `map octomap`: export the dense part of a map file.
 
 use crate::args::map::{MapGridArgs, MapMeshArgs, MapOctomapArgs};
 use crate::console;
@@ -11,7 +11,7 @@ use stillpoint::dense::{DenseMap, Floor, MeshOptions, PlanOptions};
 use stillpoint::geometry::Vec3;
 use stillpoint::slam::Up;
 
-/// The dense map of a map file, and which way is up in it, where it says so.
+/// The dense map of a map file, and its up direction if stored.
 fn load(path: &Path) -> Result<(DenseMap, Option<Up>), Failure> {
     let loaded = file::load(path)?;
     let map = kept::surface(&loaded, path)?.ok_or_else(|| {
@@ -28,13 +28,12 @@ fn ending(path: &Path) -> String {
     ending.to_string_lossy().to_lowercase()
 }
 
-/// The direction away from the floor: as named, else as the map has it, else that of a camera that was held upright at first.
+/// The direction away from the floor: as given, else as stored in the map, else assuming that the camera was first held upright.
 fn up(named: Option<[f64; 3]>, known: Option<Up>) -> Vec3 {
     let named = named.map(Vec3::from);
     named.or(known.map(|up| up.vector())).unwrap_or(-Vec3::y())
 }
 
-/// `map mesh`.
 pub(crate) fn mesh(args: &MapMeshArgs) -> Result<Status, Failure> {
     let glb = match &*ending(&args.out) {
         "ply" => false,
@@ -64,7 +63,6 @@ pub(crate) fn mesh(args: &MapMeshArgs) -> Result<Status, Failure> {
     said(&args.out, &format!("{} triangles", mesh.triangles.len()))
 }
 
-/// `map grid`.
 pub(crate) fn grid(args: &MapGridArgs) -> Result<Status, Failure> {
     if ending(&args.out) != "yaml" {
         return Err(Failure::input(format!(
@@ -117,7 +115,6 @@ pub(crate) fn grid(args: &MapGridArgs) -> Result<Status, Failure> {
     )
 }
 
-/// `map octomap`.
 pub(crate) fn octomap(args: &MapOctomapArgs) -> Result<Status, Failure> {
     paths::check(&[("--out", &args.out)], &[("the map", &args.file)])?;
     let (map, _) = load(&args.file)?;

@@ -1,12 +1,12 @@
-//! `map merge`: the surfaces of two maps as one.
+//! `map merge`: merges the surfaces of two maps.
 
 use crate::console;
 use stillpoint::dense::DenseMap;
 use stillpoint::map::Extension;
 use stillpoint::slam::JoinedMaps;
 
-/// What a map file keeps of the surfaces of two maps that were put together, in the axes of the first; none where neither had any. What is left out is said,
-/// and so is what lies elsewhere than its keyframes.
+/// The map file extension for the merged surfaces, in the first map's frame; `None` if neither map has one. Warns about parts that are left
+/// out, and about parts whose keyframes moved.
 pub(crate) fn joined(
     surfaces: [Option<DenseMap>; 2],
     maps: &JoinedMaps,
@@ -36,7 +36,7 @@ pub(crate) fn joined(
     })
 }
 
-/// As far as they fit, both; else the first.
+/// Merges both; keeps the first alone where they do not fit.
 fn both(mut first: DenseMap, second: &DenseMap, maps: &JoinedMaps, name: &str) -> DenseMap {
     match maps.first_from_second() {
         None => left_out(name),

@@ -1,4 +1,4 @@
-//! Surface and grids of what stands still: what a run fused, as files, figures, and a part of a map file.
+//! Surface and grids of the static scene: written as files, figures, and a part of a map file.
 
 pub(crate) mod export;
 pub(crate) mod merge;
@@ -12,16 +12,14 @@ use stillpoint::geometry::Vec3;
 use stillpoint::map::Extension;
 use stillpoint::slam::Up;
 
-/// What a repetition has to know: which frames found their images in time.
+/// For a replay: which frames got their images in time and were fused.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Logged {
-    /// m.
+    /// Voxel size, m.
     pub(crate) voxel: f64,
-    /// Numbers of frames.
     pub(crate) frames: Vec<u32>,
 }
 
-/// What was fused.
 pub(crate) struct Fused {
     pub(crate) map: DenseMap,
     pub(crate) json: DenseJson,
@@ -31,7 +29,7 @@ pub(crate) struct Fused {
 }
 
 impl Fused {
-    /// A finished surface, and what was done for it; up is that of a camera that was held upright at first.
+    /// From a finished surface and its counters; up assumes that the camera was first held upright.
     pub(crate) fn of(map: DenseMap, counts: &DenseCounts) -> Self {
         let mesh = map.mesh(&MeshOptions::default());
         Self {
@@ -46,7 +44,7 @@ impl Fused {
         }
     }
 
-    /// The same of a run that fused these frames and held so much memory at most, bytes; up where that is known.
+    /// Adds the fused frames, the peak memory (bytes) and, where known, the up direction of the run.
     pub(crate) fn by(mut self, frames: Vec<u32>, most_bytes: usize, up: Option<Up>) -> Self {
         self.json.memory_bytes = most_bytes.max(self.json.memory_bytes);
         self.logged.frames = frames;
@@ -54,7 +52,7 @@ impl Fused {
         self
     }
 
-    /// What a map file keeps of it.
+    /// The map file extension that stores it.
     pub(crate) fn extension(&self) -> Extension {
         Extension {
             name: DenseMap::EXTENSION.to_owned(),
@@ -66,17 +64,16 @@ impl Fused {
         Floor::find(&self.mesh, &self.up)
     }
 
-    /// Away from the floor, as it was seen or else as is known.
+    /// Direction away from the floor: from the fitted floor, else from the run.
     pub(crate) fn upward(&self) -> Vec3 {
         self.floor().map_or(self.up, |f| f.up)
     }
 
-    /// The floor plan, where the floor was seen.
+    /// The floor plan, if the floor was seen.
     pub(crate) fn plan(&self) -> Option<Plan> {
         self.map.plan(&self.floor()?, &PlanOptions::default())
     }
 
-    /// Writes mesh and plan into a result folder.
     pub(crate) fn write(&self, folder: &mut ResultFolder) -> Result<(), Failure> {
         let up = self.upward();
         let bytes = |write: &dyn Fn(&mut Vec<u8>) -> std::io::Result<()>| {
@@ -98,28 +95,25 @@ impl Fused {
     }
 }
 
-/// What was fused, in numbers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct DenseJson {
-    /// Distance between voxels, m.
+    /// Voxel size, m.
     pub(crate) voxel: f64,
-    /// Frames that were integrated.
     pub(crate) integrated: usize,
-    /// Of these, frames that gave up their depth to keep to the memory that they may take: they stayed where they were then.
+    /// Integrated frames whose depth was dropped to limit memory: they do not follow later corrections.
     pub(crate) given_up: usize,
-    /// Frames whose turn it was and whose image came too late.
+    /// Frames that were due and whose image came too late.
     pub(crate) without_image: usize,
-    /// How often corrections had all kept frames integrated again while the run went on.
+    /// Number of times that corrections made all kept frames be integrated again during the run.
     pub(crate) rebuilt: usize,
-    /// Blocks of 8x8x8 voxels.
+    /// Number of blocks of 8x8x8 voxels.
     pub(crate) blocks: usize,
-    /// Triangles of the mesh.
     pub(crate) triangles: usize,
     /// Area of the mesh, m^2.
     pub(crate) area: f64,
-    /// Bytes of the frames that are kept.
+    /// Size of the kept frames, bytes.
     pub(crate) kept_bytes: usize,
-    /// Largest amount of memory held, bytes.
+    /// Peak memory, bytes.
     pub(crate) memory_bytes: usize,
 }
 
@@ -139,7 +133,7 @@ impl DenseJson {
         }
     }
 
-    /// A line for the report. `detailed` adds what it takes of the memory of the run.
+    /// A line for the report; `detailed` adds the memory.
     pub(crate) fn text(&self, detailed: bool) -> String {
         let mut text = format!(
             "surface: {} in voxels of {:.1} cm, {}, {:.1} m2",

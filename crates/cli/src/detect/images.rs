@@ -1,4 +1,4 @@
-//! What `detect` looks at: an image, a folder of images, or the colour images of a data set or recording.
+//! Inputs of `detect`: an image, a folder of images, or the colour images of a data set or recording.
 
 use crate::args::{InputArgs, TopicArgs};
 use crate::console;
@@ -11,32 +11,28 @@ use stillpoint::datasets::{CameraChoice, Dataset, DatasetError, OpenOptions, rea
 use stillpoint::imaging::{ColourImage, FrameSource};
 use stillpoint::recordings::{self, FrameOptions, Source};
 
-/// Endings of files that are images.
 const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
-/// One image, not yet read.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Image {
-    /// Name of its file.
     pub(crate) name: String,
     pub(crate) path: PathBuf,
-    /// Of a data set or recording its colour stamp, s; else what [`Stamps`] says.
+    /// Colour stamp of a data set or recording, s; otherwise see [`Stamps`].
     pub(crate) stamp: f64,
 }
 
-/// What the images' stamps are.
+/// Origin of the images' stamps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stamps {
-    /// Those of the data set or recording.
     Own,
-    /// The numbers that the files are named by.
+    /// The numbers in the file names.
     Names,
-    /// The places in the order of names, from 0.
+    /// The index in the order of names, from 0.
     Indices,
 }
 
 impl Stamps {
-    /// For the user, where it is not what one would expect.
+    /// Explanation for the user, where the stamps are not real ones.
     pub(crate) fn in_words(self) -> Option<&'static str> {
         match self {
             Self::Own => None,
@@ -50,17 +46,16 @@ impl Stamps {
     }
 }
 
-/// Images in the order in which they are looked at.
 #[derive(Debug)]
 pub(crate) struct Images {
     pub(crate) items: Vec<Image>,
     pub(crate) stamps: Stamps,
-    /// Of a recording its frames, which have no files of their own.
+    /// The frames of a recording, which have no files.
     frames: Option<Source>,
 }
 
 impl Images {
-    /// The pixels of an item; those of a recording are taken in order.
+    /// Reads an image; those of a recording are read in order.
     pub(crate) fn read(&mut self, item: usize) -> Result<ColourImage, String> {
         let Some(frames) = &mut self.frames else {
             return read_colour(&self.items[item].path).map_err(|e| e.to_string());
@@ -77,10 +72,10 @@ impl Images {
     }
 }
 
-/// The images that a path stands for; of a recording those of `topics`.
+/// The images at a path; of a recording those of `topics`.
 ///
 /// # Errors
-/// Nothing at the path, a folder without images, a data set whose lists cannot be read, a recording that cannot be used.
+/// Nothing at the path, a folder without images, a data set with unreadable lists, an unusable recording.
 pub(crate) fn find(path: &Path, topics: &TopicArgs) -> Result<Images, Failure> {
     if recordings::is_recording(path) {
         return of_recording(path, topics);
@@ -144,7 +139,7 @@ fn of_recording(path: &Path, topics: &TopicArgs) -> Result<Images, Failure> {
     })
 }
 
-/// A data set; which camera took it does not matter here.
+/// Opens a data set with any camera model, since only the images are used.
 fn open(path: &Path) -> Result<Dataset, DatasetError> {
     let any = OpenOptions {
         camera: Some(CameraChoice::Preset("tum_fr1".to_owned())),
@@ -194,7 +189,7 @@ fn images_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-/// Images that know nothing of time. Either all names are numbers, and each another, or the index stands for all.
+/// Images without stamps: numbered by their file names if all are distinct numbers, else by index.
 fn plain(files: Vec<PathBuf>) -> Images {
     let number = |path: &PathBuf| -> Option<f64> {
         let stem = path.file_stem()?.to_str()?;

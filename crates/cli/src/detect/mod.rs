@@ -1,4 +1,4 @@
-//! `detect`: a network over images, without SLAM.
+//! `detect`: runs a network on images, without SLAM.
 
 pub(crate) mod images;
 pub(crate) mod output;
@@ -20,10 +20,9 @@ use stillpoint::imaging::FrameId;
 use stillpoint::inference::OnnxDetector;
 
 const OPTION: &str = "--model";
-/// Parts of a look at an image, as their spans are called.
+/// Names of the timing spans of one detection.
 const PARTS: [&str; 3] = ["letterbox", "network", "decode"];
 
-/// `detect`.
 pub(crate) fn detect(args: &DetectArgs, timing: &Timing) -> Result<Status, Failure> {
     let mut images = images::find(&args.path, &args.topics)?;
     let model = match &args.model {
@@ -71,14 +70,12 @@ pub(crate) fn detect(args: &DetectArgs, timing: &Timing) -> Result<Status, Failu
     Ok(pass.status())
 }
 
-/// What was found in an image.
 struct Seen {
     name: String,
     stamp: f64,
     found: Vec<Detection>,
 }
 
-/// What came of looking at all images.
 #[derive(Default)]
 struct Pass {
     seen: Vec<Seen>,
@@ -86,8 +83,7 @@ struct Pass {
     interrupted: bool,
 }
 
-/// Looks at the images one after the other, or until the user asks to stop. Those that cannot be looked at are reported
-/// and left out.
+/// Processes the images in order until done or interrupted. Unreadable ones are reported and skipped.
 fn look(
     images: &mut Images,
     detector: &mut OnnxDetector,
@@ -137,7 +133,7 @@ fn look(
 }
 
 impl Pass {
-    /// Why there is no result.
+    /// Error: no image could be processed.
     fn nothing(&self, args: &DetectArgs, images: usize) -> Failure {
         if self.interrupted {
             return Failure::criteria("interrupted before the first image: nothing was written");
@@ -203,7 +199,6 @@ impl Pass {
     }
 }
 
-/// Median times of the parts.
 fn times(timing: &Timing) -> String {
     let all = timing.statistics();
     let of = |name: &str| all.iter().find(|s| s.0 == name).map(|s| s.1.median);

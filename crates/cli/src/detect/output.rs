@@ -1,4 +1,4 @@
-//! `detect --out`: the table of detections, and pictures with boxes.
+//! `detect --out`: the table of detections, and images with boxes.
 
 use crate::failure::Failure;
 use crate::output::ResultFolder;
@@ -11,10 +11,10 @@ use stillpoint::view::{Colour, Overlay, OverlayBox, Picture, draw, write_png};
 
 const OPTION: &str = "--out";
 const TABLE: &str = "detections.csv";
-/// Begins the names of pictures, so that those of an older result can be distinguished from the user's own.
+/// Prefix of image names, which distinguishes those of an older result from the user's files.
 const PREFIX: &str = "boxes_";
 
-/// The folder in the making.
+/// The output folder before it is committed.
 pub(crate) struct DetectFolder {
     out: PathBuf,
     folder: ResultFolder,
@@ -22,8 +22,7 @@ pub(crate) struct DetectFolder {
 }
 
 impl DetectFolder {
-    /// Begins a folder. `input` is what is looked at: that folder, or the one that the image is in, is refused, since who looks at the folder
-    /// next would look at the pictures of this run.
+    /// Starts a folder. The input folder itself is refused, since the written images would become inputs of the next run.
     pub(crate) fn create(out: &Path, input: &Path) -> Result<Self, Failure> {
         let same = |a: &Path, b: &Path| {
             let [a, b] = [a, b].map(|p| p.canonicalize().ok());
@@ -46,7 +45,7 @@ impl DetectFolder {
         })
     }
 
-    /// Draws an image with what was found in it. `name` is that of its file.
+    /// Draws the detections in an image. `name` is its file name.
     pub(crate) fn add(
         &mut self,
         name: &str,
@@ -64,7 +63,7 @@ impl DetectFolder {
         self.folder.write(&name, &png)
     }
 
-    /// The name of an image's picture: two images may differ in their endings only.
+    /// A unique name for an output image: input names may differ only in their extensions.
     fn name(&mut self, image: &str) -> String {
         let stem = Path::new(image).file_stem().unwrap_or(image.as_ref());
         let stem = stem.to_string_lossy();
@@ -77,7 +76,7 @@ impl DetectFolder {
         format!("{PREFIX}{stem}.png")
     }
 
-    /// Writes the table and puts everything where it belongs. Returns what there is, for the report.
+    /// Writes the table and moves all files into place. Returns a summary.
     pub(crate) fn finish(mut self, rows: &[ScriptRow]) -> Result<String, Failure> {
         self.folder.write(TABLE, format_script(rows).as_bytes())?;
         self.folder.commit()?;
@@ -89,7 +88,7 @@ impl DetectFolder {
     }
 }
 
-/// The files that a result may hold: an older result's are removed.
+/// Names of files that a result may hold; those of an older result are removed.
 fn is_ours(name: &str) -> bool {
     name == TABLE || (name.starts_with(PREFIX) && name.ends_with(".png"))
 }
@@ -97,7 +96,7 @@ fn is_ours(name: &str) -> bool {
 fn picture(image: ColourImage, found: &[Detection]) -> Picture {
     let boxes: Vec<OverlayBox> = found
         .iter()
-        // The surest is drawn last, over the others.
+        // The highest score is drawn last, on top.
         .rev()
         .map(|d| OverlayBox {
             bounds: d.bounds,

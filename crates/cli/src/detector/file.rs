@@ -1,14 +1,13 @@
-//! Files of models, their own or those of the cache, and what is in them.
+//! Model files given by path or in the cache, and their contents.
 
 use crate::failure::Failure;
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{read_regular, read_regular_text};
 use stillpoint::inference::{CachedModel, LARGEST};
 
-/// A model, not yet read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ModelFile {
-    /// As the user knows it: the file, or the name in the cache.
+    /// The file, or the name in the cache.
     pub(crate) name: String,
     place: ModelPlace,
 }
@@ -22,7 +21,7 @@ enum ModelPlace {
     Cache(Box<CachedModel>),
 }
 
-/// A model's bytes, and its card where it has one, with the card's name.
+/// A model's bytes, and its card with the card's name, if there is one.
 pub(crate) struct Content {
     pub(crate) bytes: Vec<u8>,
     pub(crate) card: Option<(String, String)>,
@@ -41,7 +40,6 @@ impl ModelFile {
         }
     }
 
-    /// A model of the cache.
     pub(crate) fn of_cache(model: CachedModel) -> Self {
         Self {
             name: model.name.clone(),
@@ -49,7 +47,7 @@ impl ModelFile {
         }
     }
 
-    /// Its card, where it has one.
+    /// Path of its card, if there is one.
     pub(crate) fn card(&self) -> Option<&Path> {
         match &self.place {
             ModelPlace::File { card, .. } => card.as_deref(),
@@ -60,7 +58,7 @@ impl ModelFile {
     /// Size of the network's file.
     ///
     /// # Errors
-    /// A file that is not there any more.
+    /// A missing file.
     pub(crate) fn bytes(&self) -> Result<u64, Failure> {
         match &self.place {
             ModelPlace::File { onnx, .. } => match std::fs::metadata(onnx) {
@@ -74,10 +72,10 @@ impl ModelFile {
         }
     }
 
-    /// Reads it.
+    /// Reads model and card.
     ///
     /// # Errors
-    /// What is wrong, with the file's name.
+    /// An unreadable file; the message names it.
     pub(crate) fn read(&self) -> Result<Content, String> {
         let unreadable = |path: &Path, what: &str, e: &std::io::Error| {
             let path = path.display();
@@ -106,10 +104,9 @@ impl ModelFile {
     }
 }
 
-/// Bytes of a card at most: a list of a thousand classes has some ten thousand.
+/// Maximum size of a card, bytes: a list of a thousand classes has some ten thousand.
 const LARGEST_CARD: u64 = 1 << 22;
 
-/// Whether a name is that of an ONNX file.
 pub(crate) fn is_onnx(name: &str) -> bool {
     let extension = Path::new(name).extension();
     extension.is_some_and(|e| e.eq_ignore_ascii_case("onnx"))

@@ -19,7 +19,6 @@ use stillpoint::imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 
 const OPTION: &str = "--detector";
 
-/// What looks at the frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Choice {
     None,
@@ -27,27 +26,26 @@ enum Choice {
     Model(ModelFile),
 }
 
-/// A choice that is made, by the user or for the user.
 #[derive(Clone, Debug)]
 pub(crate) struct Settled {
     choice: Choice,
-    /// What `--detector` would have to be for the same choice.
+    /// The `--detector` argument that gives the same choice.
     pub(crate) argument: String,
-    /// Why it is that, when the user did not say.
+    /// Why it was chosen, where the user named none.
     pub(crate) reason: Option<String>,
 }
 
 impl Settled {
-    /// Whether anything looks at the frames.
+    /// True unless the choice is `none`.
     pub(crate) fn looks(&self) -> bool {
         self.choice != Choice::None
     }
 }
 
-/// What the arguments name; without `--detector` the model of the cache that is preferred, else none.
+/// Resolves the arguments; without `--detector` the preferred model of the cache, else none.
 ///
 /// # Errors
-/// A name of no detector, a cache that cannot be read.
+/// An unknown detector, a cache that cannot be read.
 pub(crate) fn settle(args: &DetectorArgs) -> Result<Settled, Failure> {
     if let Some(argument) = &args.detector {
         return Ok(Settled {
@@ -69,7 +67,6 @@ pub(crate) fn settle(args: &DetectorArgs) -> Result<Settled, Failure> {
 }
 
 impl Settled {
-    /// None, for this reason.
     pub(crate) fn none(reason: impl Into<String>) -> Self {
         Self {
             choice: Choice::None,
@@ -78,7 +75,6 @@ impl Settled {
         }
     }
 
-    /// In words, for reports.
     pub(crate) fn words(&self) -> String {
         match &self.reason {
             Some(reason) => format!("{} ({reason})", self.argument),
@@ -86,22 +82,22 @@ impl Settled {
         }
     }
 
-    /// Whether nothing looks at the frames.
     pub(crate) fn is_none(&self) -> bool {
         self.choice == Choice::None
     }
 
-    /// Tells the user what was chosen in their place.
+    /// Prints a choice that was made automatically.
     pub(crate) fn announce(&self) {
         if self.reason.is_some() {
             console::info(&format!("detector: {}", self.words()));
         }
     }
 
-    /// What makes its results, beside its name: the bytes of a model and its card, or of a script. Nothing where that lies in each recording.
+    /// What determines its results besides the argument: the bytes of a model and its card, or of a script. Empty for a script that is part
+    /// of each recording.
     ///
     /// # Errors
-    /// A file that cannot be read.
+    /// An unreadable file.
     pub(crate) fn content(&self) -> Result<Vec<u8>, Failure> {
         match &self.choice {
             Choice::Scripted(file) if !is_of_recording(file) => {
@@ -119,25 +115,22 @@ impl Settled {
         }
     }
 
-    /// Whether the detector looks at colour images.
     pub(crate) fn needs_colour(&self) -> bool {
         matches!(self.choice, Choice::Model(_))
     }
 }
 
-/// A detector that is ready.
 #[derive(Default)]
 pub(crate) struct Loaded {
-    /// `None` for `none`.
     pub(crate) detector: Option<Box<dyn Detector>>,
-    /// The library that runs its network, where it is not built in.
+    /// The library that runs its network, unless built in.
     pub(crate) library: Option<String>,
 }
 
-/// The detector that was settled on, for a recording whose frames have these stamps of colour and depth, s.
+/// Loads the detector for a recording whose frames have these colour and depth stamps, s.
 ///
 /// # Errors
-/// A file that cannot be read, a model or script that cannot be used, a script of another recording.
+/// An unreadable file, an unusable model or script, a script of another recording.
 pub(crate) fn load(
     settled: &Settled,
     args: &DetectorArgs,
@@ -152,7 +145,7 @@ pub(crate) fn load(
     }
 }
 
-/// The same for frames that are still to come: a script is taken as it is.
+/// Like [`load`], for live frames: a script is not compared with stamps.
 pub(crate) fn load_untried(settled: &Settled, args: &DetectorArgs) -> Result<Loaded, Failure> {
     match &settled.choice {
         Choice::None => Ok(Loaded::default()),
@@ -164,7 +157,7 @@ pub(crate) fn load_untried(settled: &Settled, args: &DetectorArgs) -> Result<Loa
             let how = Running::new(args.runtime, args.detector_threads);
             let network = tried::open(model, &how, OPTION).map_err(|e| {
                 if settled.reason.is_some() {
-                    // Who did not ask for a model must be able to go on without.
+                    // The user did not ask for a model, so say how to go on without.
                     Failure::input(format!("{e}; --detector none runs without a detector"))
                 } else {
                     e
@@ -209,10 +202,10 @@ fn refused(argument: &str, advice: &str) -> Failure {
     ))
 }
 
-/// Bytes of a script at most: a day of crowds has some hundred megabytes.
+/// Maximum size of a script, bytes: a day of crowds has some hundred megabytes.
 const LARGEST_SCRIPT: u64 = 1 << 30;
 
-/// A script, tried on the stamps of all frames: one that belongs to another recording would see nothing in a long run.
+/// A script, checked against the stamps of all frames: one of another recording would give no detections throughout.
 fn script(file: &str, stamps: &[(f64, f64)]) -> Result<ScriptedDetector, Failure> {
     let detector = read_script(file)?;
     let mut trial = detector.clone();
@@ -230,7 +223,7 @@ fn script(file: &str, stamps: &[(f64, f64)]) -> Result<ScriptedDetector, Failure
         }
     }
     match trial.remark() {
-        // A recording in which nothing was seen is possible: its remark comes at the end.
+        // A script without rows is possible: its remark comes at the end of the run.
         Some(remark) if !detector.rows().is_empty() => Err(Failure::input(format!(
             "--detector: expected a script of this recording, found another: {remark}"
         ))),
@@ -238,7 +231,6 @@ fn script(file: &str, stamps: &[(f64, f64)]) -> Result<ScriptedDetector, Failure
     }
 }
 
-/// A script as it stands in its file.
 fn read_script(file: &str) -> Result<ScriptedDetector, Failure> {
     let text = read_regular_text(file.as_ref(), LARGEST_SCRIPT).map_err(|e| {
         Failure::input(format!(

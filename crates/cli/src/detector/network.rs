@@ -1,4 +1,4 @@
-//! Models: from the bytes of a file to a network that runs.
+//! Loads models: from the bytes of a file to a ready network.
 
 use crate::args::models::{NetworkArgs, RuntimeChoice};
 use crate::console;
@@ -7,7 +7,6 @@ use crate::detector::runtime;
 use crate::failure::Failure;
 use stillpoint::inference::{ModelCard, ModelError, OnnxDetector, OnnxOptions, Runtime};
 
-/// How a network is run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Running {
     pub(crate) runtime: RuntimeChoice,
@@ -32,17 +31,16 @@ impl From<NetworkArgs> for Running {
     }
 }
 
-/// A network that runs.
 pub(crate) struct Network {
     pub(crate) detector: OnnxDetector,
-    /// The library that runs it, where it is not built in.
+    /// The library that runs it, unless built in.
     pub(crate) library: Option<String>,
 }
 
-/// Loads a model that was tried, or that is tried here; `name` is what it is called, and `option` named it, for messages.
+/// Loads a model in this process. `name` and `option` (the option that named it) are for messages.
 ///
 /// # Errors
-/// A card that cannot be used, a model that does not load or run, a runtime that is not there.
+/// An invalid card, a model that does not load or run, a missing runtime.
 pub(crate) fn load_tried(
     name: &str,
     content: &Content,
@@ -60,7 +58,7 @@ pub(crate) fn load_tried(
     let (detector, runtime) = match with_runtime(name, content, card.as_ref(), &chosen.runtime, how)
     {
         Ok(detector) => (detector, chosen.runtime),
-        // Nobody asked for the library: what it cannot run, the one that is built in may.
+        // The library was chosen automatically: a network that it cannot run may work with the built-in runtime.
         Err(e) if how.runtime == RuntimeChoice::Auto && chosen.runtime != Runtime::Rten => {
             let detector = with_runtime(name, content, card.as_ref(), &Runtime::Rten, how)
                 .map_err(|_| wrong(&e))?;

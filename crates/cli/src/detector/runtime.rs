@@ -1,26 +1,23 @@
-//! `--runtime`: what runs networks, and why that.
+//! `--runtime`: chooses the runtime of networks.
 
 use crate::args::models::RuntimeChoice;
 use crate::failure::Failure;
 use std::path::PathBuf;
 use stillpoint::inference::{OnnxRuntime, Runtime};
 
-/// How to get the library.
 const ADVICE: &str = "get it with `pip install onnxruntime`, or name its file in the environment variable ORT_DYLIB_PATH";
 /// Where [`OnnxRuntime::candidates`] looks, in words.
 const PLACES: &str = "ORT_DYLIB_PATH, the program's folder, the Python of VIRTUAL_ENV, of CONDA_PREFIX and on PATH, the user's Python packages, and the system's libraries";
 
-/// What the libraries that were tried gave.
 #[derive(Debug, Default)]
 pub(crate) struct Libraries {
-    /// The first that can be used.
     pub(crate) usable: Option<OnnxRuntime>,
-    /// Those before it, and why each cannot be used.
+    /// The candidates before it, and why each is unusable.
     pub(crate) refused: Vec<String>,
 }
 
 impl Libraries {
-    /// Tries the libraries that are installed, in the order of [`OnnxRuntime::candidates`], up to the first that can be used.
+    /// Tries the installed libraries in the order of [`OnnxRuntime::candidates`], up to the first usable one.
     pub(crate) fn find() -> Self {
         Self::among(OnnxRuntime::candidates(&|name| std::env::var_os(name)))
     }
@@ -39,7 +36,7 @@ impl Libraries {
         found
     }
 
-    /// Why the first, which is the likeliest to be meant, cannot be used.
+    /// Why the first candidate, which the user most likely means, is unusable.
     fn refusal(&self) -> String {
         let first = self.refused.first().cloned().unwrap_or_default();
         match self.refused.len() {
@@ -49,18 +46,17 @@ impl Libraries {
     }
 }
 
-/// A runtime, and what the user should know about the choice.
 #[derive(Debug)]
 pub(crate) struct Chosen {
     pub(crate) runtime: Runtime,
-    /// Why the faster one is not used although it seems to be there.
+    /// Why an installed but unusable faster runtime is not used.
     pub(crate) warning: Option<String>,
 }
 
-/// The runtime that the argument names.
+/// Chooses the runtime.
 ///
 /// # Errors
-/// `onnxruntime` without a library that can be used.
+/// `onnxruntime` without a usable library.
 pub(crate) fn choose(choice: RuntimeChoice) -> Result<Chosen, Failure> {
     match choice {
         RuntimeChoice::Rten => Ok(rten(None)),
@@ -103,7 +99,6 @@ fn of_libraries(choice: RuntimeChoice, found: Libraries) -> Result<Chosen, Failu
     }
 }
 
-/// The library behind a runtime, for reports.
 pub(crate) fn library(runtime: &Runtime) -> Option<String> {
     match runtime {
         Runtime::OnnxRuntime(library) => Some(library.library().display().to_string()),

@@ -1,14 +1,14 @@
-//! Models that are tried in a process of their own before this one loads them.
+//! Loads models after a trial in a separate process.
 
 use crate::detector::file::{Content, ModelFile};
 use crate::detector::network::{Network, Running, load_tried};
 use crate::failure::Failure;
 use crate::models::trial;
 
-/// Loads a model. `option` named it, for messages.
+/// Reads, tries and loads a model. `option` named it, for messages.
 ///
 /// # Errors
-/// Files that cannot be read, a card that cannot be used, a model that does not load or run, a runtime that is not there.
+/// Unreadable files, an invalid card, a model that does not load or run, a missing runtime.
 pub(crate) fn open(model: &ModelFile, how: &Running, option: &str) -> Result<Network, Failure> {
     let content = model
         .read()
@@ -16,10 +16,10 @@ pub(crate) fn open(model: &ModelFile, how: &Running, option: &str) -> Result<Net
     load(&model.name, &content, how, option)
 }
 
-/// Loads a model that was read; `name` is what it is called. See [`open`].
+/// Tries and loads a model that was read; `name` is for messages. See [`open`].
 ///
 /// # Errors
-/// A card that cannot be used, a model that does not load or run, a runtime that is not there.
+/// An invalid card, a model that does not load or run, a missing runtime.
 pub(crate) fn load(
     name: &str,
     content: &Content,

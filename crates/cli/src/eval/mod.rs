@@ -1,4 +1,4 @@
-//! `eval`: the score of a trajectory file against a ground truth file, and of tracks against boxes.
+//! `eval`: scores a trajectory file against ground truth, and tracks against boxes.
 
 mod objects;
 pub(crate) mod offset;
@@ -17,10 +17,8 @@ use stillpoint::datasets::{CameraChoice, StampedPose, trajectory};
 use stillpoint::evaluation::{EvalOptions, Score, score};
 use stillpoint::recordings::{self, OpenOptions, TRUTH_TOPIC};
 
-/// What applies an offset between two clocks.
 const OPTION: &str = "--time-offset";
 
-/// `eval`.
 pub(crate) fn eval(args: &EvalArgs) -> Result<Status, Failure> {
     let trajectories = args.ground_truth.as_deref().zip(args.estimate.as_deref());
     let score = trajectories.map(|files| score_files(args, files));
@@ -37,7 +35,7 @@ pub(crate) fn eval(args: &EvalArgs) -> Result<Status, Failure> {
         return Ok(Status::Ok);
     };
     let truth_from_found = score.as_ref().and_then(|(score, _)| match score {
-        // Tracks are in metres: a world of another scale has no rigid way to the truth's.
+        // Tracks are metric: with a free scale no rigid transform maps them to the ground truth.
         Score::Moving(e) if !args.scale => Some(e.ate.alignment.target_from_source),
         _ => None,
     });
@@ -60,7 +58,7 @@ fn print_json(json: &impl serde::Serialize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// `poses` are those of ground truth and estimate.
+/// Prints the score; the last argument holds the numbers of poses of ground truth and estimate.
 fn print_score(json: &ScoreJson, [reference, estimate]: [usize; 2]) {
     console::print(&report::score_text(&[("", json)], estimate));
     console::print(&format!(
@@ -73,7 +71,7 @@ fn score_files(
     args: &EvalArgs,
     (ground_truth, estimate_file): (&Path, &Path),
 ) -> Result<(Score, [usize; 2]), Failure> {
-    // A plot that cannot be written is a mistake in the arguments: better said before the work.
+    // Reports a wrong plot name before the work.
     let format = args.plot.as_deref().map(plot_format).transpose()?;
     let inputs = [
         ("the ground truth", ground_truth),
@@ -118,7 +116,7 @@ fn score_files(
     Ok((score, [reference.len(), estimate.len()]))
 }
 
-/// The ground truth of a file of poses, of a data set folder, or of a recording.
+/// The ground truth of a pose file, a data set folder, or a recording.
 fn reference(path: &Path, topic: Option<&str>) -> Result<Vec<StampedPose>, Failure> {
     let is_recording = recordings::is_recording(path);
     if !is_recording && !path.is_dir() {
@@ -134,14 +132,14 @@ fn reference(path: &Path, topic: Option<&str>) -> Result<Vec<StampedPose>, Failu
         truth_topic: topic.map(str::to_owned),
         ..OpenOptions::default()
     };
-    // Which camera took it does not matter to poses.
+    // Poses do not depend on the camera.
     let any_camera = OpenOptions {
         camera: Some(CameraChoice::Preset("tum_fr1".to_owned())),
         ..options.clone()
     };
     let opened = recordings::open(path, &options);
     let input = match opened.or_else(|e| recordings::open(path, &any_camera).map_err(|_| e)) {
-        // Recordings of our own have it under a name of their own.
+        // Recordings by Stillpoint have ground truth under a fixed topic name.
         Ok(input) if is_recording && topic.is_none() && input.ground_truth()?.is_none() => {
             let ours = OpenOptions {
                 truth_topic: Some(TRUTH_TOPIC.to_owned()),
@@ -170,7 +168,6 @@ enum PlotFormat {
     Png,
 }
 
-/// From the name's ending.
 fn plot_format(path: &Path) -> Result<PlotFormat, Failure> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     match ending.as_deref() {

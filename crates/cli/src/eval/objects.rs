@@ -1,4 +1,4 @@
-//! `eval --objects`: tracks against boxes.
+//! `eval --objects`: scores tracks against boxes.
 
 use super::tracks::{BoxRow, TrackRow, read_boxes, read_tracks};
 use crate::args::eval::ObjectEvalArgs;
@@ -12,16 +12,14 @@ use stillpoint::evaluation::objects::{
 use stillpoint::evaluation::{Statistics, Table};
 use stillpoint::geometry::Se3;
 
-/// Stamps that differ by less are of one frame, s.
+/// Stamps that differ by less belong to one frame, s.
 const SAME_FRAME: f64 = 1e-3;
 
-/// What is printed.
 #[derive(Debug, Serialize)]
 pub(super) struct ObjectsJson {
     /// Against the boxes, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     score: Option<ObjectScoreJson>,
-    /// By class: what the tracks say of themselves.
     classes: BTreeMap<String, ClassJson>,
 }
 
@@ -62,7 +60,7 @@ struct ClassJson {
     seconds_to_park_median: Option<f64>,
 }
 
-/// Compares tracks with boxes. `truth_from_found` maps the world of the tracks to that of the boxes, if that is known.
+/// Compares tracks with boxes. `truth_from_found` maps the world of the tracks to that of the boxes, if known.
 pub(super) fn evaluate(
     files: &[PathBuf],
     args: &ObjectEvalArgs,
@@ -95,7 +93,7 @@ pub(super) fn evaluate(
     })
 }
 
-/// Frames by their stamps. What hardly shows of a thing may be found and need not be.
+/// Groups rows into frames by stamp. Objects with too few visible pixels may be detected but need not be.
 fn frames(
     tracks: &[TrackRow],
     boxes: &[BoxRow],
@@ -113,7 +111,7 @@ fn frames(
         }
     }
     for row in tracks {
-        // What is outside the image has no area.
+        // Boxes outside the image have no area.
         let [x0, y0, x1, y1] = row.thing.bounds;
         if x1 > x0 && y1 > y0 {
             frames.at(row.stamp).found.push(row.thing);
@@ -130,7 +128,7 @@ fn frames(
 struct Frames(BTreeMap<i64, TrackFrame>);
 
 impl Frames {
-    /// The frame of a stamp, a new one if none is near.
+    /// The frame of a stamp; a new one if none is near.
     fn at(&mut self, stamp: f64) -> &mut TrackFrame {
         let key = (stamp / SAME_FRAME).round() as i64;
         let near = self.0.range(key - 1..=key + 1);
@@ -203,7 +201,6 @@ fn class_json(s: &TrackSummary) -> ClassJson {
 }
 
 impl ObjectsJson {
-    /// As a person reads it.
     pub(super) fn text(&self, limit: f64) -> String {
         let mut text = self.score.as_ref().map_or_else(String::new, score_text);
         let mut table = Table::new([

@@ -1,10 +1,11 @@
-//! The offset between the clocks of ground truth and estimate: applied where the user gives it, searched where the user asks, and suggested where another one fits far better.
+//! The clock offset between ground truth and estimate: applied where given, searched on request, and suggested where another one fits far
+//! better.
 
 use crate::console;
 use crate::failure::Failure;
 use stillpoint::evaluation::{EvaluationError, TimedPose, find_offset};
 
-/// The offset that fits best, s; says what it changes.
+/// The best offset, s; prints how it changes the fit.
 pub(super) fn best(
     reference: &[TimedPose],
     estimate: &[TimedPose],
@@ -27,7 +28,7 @@ pub(super) fn best(
     Ok(found.seconds)
 }
 
-/// Warns where another offset fits far better than the stamps, to which `applied` s were added. `option` is how one is applied.
+/// Warns where another offset fits far better than the stamps with `applied` seconds added. `option` is the option that applies one.
 pub(crate) fn remark(
     reference: &[TimedPose],
     estimate: &[TimedPose],
@@ -48,7 +49,7 @@ pub(crate) fn remark(
     ));
 }
 
-/// What helps where too little of both belongs together, as the end of a message; empty where that is not known.
+/// Advice where too few poses associate, as the end of a message; empty if there is none.
 pub(super) fn hint(
     error: &EvaluationError,
     reference: &[TimedPose],

@@ -1,4 +1,4 @@
-//! The order of the numbers of quaternions: said where the other one fits far better.
+//! Detects quaternions in the wrong component order.
 
 use crate::console;
 use stillpoint::evaluation::{OrderOf, TimedPose, find_other_order};

@@ -1,4 +1,4 @@
-//! Tables of objects as files: `run --objects`, and `boxes.csv` beside recordings.
+//! Reads tables of objects: `run --objects`, and `boxes.csv` beside recordings.
 
 use crate::failure::Failure;
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use stillpoint::datasets::read_regular_text;
 use stillpoint::evaluation::objects::{PointMotion, TrackedBox};
 use stillpoint::geometry::Vec3;
 
-/// Bytes of a table at most: hours of crowds.
+/// Maximum size of a table, bytes: hours of crowds.
 const LARGEST: u64 = 1 << 30;
 
 /// A row of `run --objects`.
@@ -25,12 +25,10 @@ pub(super) struct TrackRow {
 #[derive(Clone, Debug)]
 pub(super) struct BoxRow {
     pub(super) stamp: f64,
-    /// Number of pixels that are seen of it.
     pub(super) visible_px: f64,
     pub(super) thing: TrackedBox,
 }
 
-/// The rows of tracks, as they stand in the file.
 pub(super) fn read_tracks(path: &Path) -> Result<Vec<TrackRow>, Failure> {
     let text = read(path, "--objects TRACKS.csv")?;
     let table = Table::new(path, &text)?;
@@ -49,7 +47,7 @@ pub(super) fn read_tracks(path: &Path) -> Result<Vec<TrackRow>, Failure> {
     table.rows.iter().map(row).collect()
 }
 
-/// The rows of boxes, as they stand in the file. `option` is what names it.
+/// Reads the rows of boxes in file order. `option` named the file, for messages.
 pub(super) fn read_boxes(path: &Path, option: &str) -> Result<Vec<BoxRow>, Failure> {
     let text = read(path, option)?;
     let table = Table::new(path, &text)?;
@@ -80,11 +78,10 @@ fn read(path: &Path, option: &str) -> Result<String, Failure> {
     })
 }
 
-/// A table whose columns have names.
 struct Table<'a> {
     path: &'a Path,
     names: BTreeMap<&'a str, usize>,
-    /// Number of each line, from 1, and its cells.
+    /// Line number, from 1, and cells of each row.
     rows: Vec<(usize, Vec<&'a str>)>,
 }
 
@@ -128,7 +125,7 @@ impl<'a> Table<'a> {
         number.ok_or_else(|| self.wrong(line, "a finite number", cells[column]))
     }
 
-    /// Stamp, number, box and, where they are given, position and velocity.
+    /// Stamp, id, box and, where given, position and velocity.
     fn thing(&self, line: usize, cells: &[&str], id: usize) -> Result<(f64, TrackedBox), Failure> {
         let number = |name: &str| self.number(line, cells, self.column(name)?);
         let thing = TrackedBox {

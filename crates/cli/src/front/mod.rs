@@ -1,6 +1,6 @@
-//! What front ends in other languages take over from the command line, so that the same words mean the same there.
+//! Functions of the command line for front ends in other languages, so that arguments mean the same there.
 //!
-//! Answers: which configuration, detector or map a user's words name, which poses make a trajectory, and what a result folder holds. Says nothing on the terminal.
+//! Resolves configuration, detector and map arguments, selects the poses of a trajectory, and writes result folders. Prints nothing.
 
 mod result;
 
@@ -24,7 +24,7 @@ use stillpoint::slam::{Config, Timing, Trajectory, TrajectoryEntry};
 
 pub use result::{Driven, ResultRecorder};
 
-/// What a user asked for cannot be had: what was expected, what was found, where, and what to do.
+/// A request that cannot be met: expectation, finding, location and remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refused(String);
 
@@ -42,15 +42,15 @@ impl From<Failure> for Refused {
     }
 }
 
-/// From now on nothing but errors is said on the terminal; [`crate::run`] says again what its arguments ask for.
+/// Limits terminal output to errors; [`crate::run`] sets it again from its arguments.
 pub fn keep_quiet() {
     console::set_verbosity(true, 0);
 }
 
-/// The configuration of a file (TOML), if one is named, with values as `--set` takes them laid over it; checked.
+/// The configuration of a TOML file, if given, overridden by values in the form of `--set`; validated.
 ///
 /// # Errors
-/// [`Refused`] for a file that cannot be read, for unknown keys, and for values out of range.
+/// [`Refused`] for an unreadable file, unknown keys, and values out of range.
 pub fn config(file: Option<&Path>, set: &[String]) -> Result<Config, Refused> {
     let args = ConfigArgs {
         config: file.map(Path::to_owned),
@@ -60,7 +60,7 @@ pub fn config(file: Option<&Path>, set: &[String]) -> Result<Config, Refused> {
     Ok(config::resolve(&args)?)
 }
 
-/// A configuration as commented TOML, as `config print` shows it.
+/// A configuration as commented TOML, as by `config print`.
 ///
 /// # Errors
 /// [`Refused`] where TOML cannot express it.
@@ -68,27 +68,27 @@ pub fn config_text(config: &Config) -> Result<String, Refused> {
     Ok(config::to_text(config)?)
 }
 
-/// The instruction set that the environment asks for, as in the command line.
+/// The instruction set, from the environment or detected.
 ///
 /// # Errors
-/// [`Refused`] for a value of `STILLPOINT_SIMD` that is none.
+/// [`Refused`] for an invalid value of `STILLPOINT_SIMD`.
 pub fn simd() -> Result<Simd, Refused> {
     Ok(config::simd()?)
 }
 
-/// Threads that share the work on a frame: as the environment says, else as many as there are cores to spare.
+/// Worker threads per frame, from the environment or as many as there are spare cores.
 ///
 /// # Errors
-/// [`Refused`] for a value of `STILLPOINT_WORKERS` that is none, and where the system has no more threads.
+/// [`Refused`] for an invalid value of `STILLPOINT_WORKERS`, and if the threads cannot be started.
 pub fn workers(live: bool) -> Result<Workers, Refused> {
     Ok(config::workers(live)?)
 }
 
-/// What `--detector` names, and whether it looks at colours. `auto` is what the command line takes when nothing is named: a model of the
-/// cache if there is one.
+/// The detector for a `--detector` argument, and whether it needs colour. `auto` is the command line's default: a model of the cache if
+/// there is one.
 ///
 /// # Errors
-/// [`Refused`] for names of no detector and for models that cannot be used.
+/// [`Refused`] for unknown detectors and unusable models.
 pub fn detector(argument: &str) -> Result<(Option<Box<dyn Detector>>, bool), Refused> {
     let args = DetectorArgs {
         detector: (argument != "auto").then(|| argument.to_owned()),
@@ -100,7 +100,7 @@ pub fn detector(argument: &str) -> Result<(Option<Box<dyn Detector>>, bool), Ref
     Ok((loaded.detector, settled.needs_colour()))
 }
 
-/// The digest of a recording, by which a batch knows it, and its bytes.
+/// The digest by which a batch identifies a recording, and its size in bytes.
 ///
 /// # Errors
 /// A folder or file that cannot be read.
@@ -109,11 +109,11 @@ pub fn input_digest(path: &Path) -> std::io::Result<(String, u64)> {
     Ok((digest.sha256, digest.bytes))
 }
 
-/// Reads a map file that a run with this camera begins with, and tells the configuration what it knows of the camera. With it comes the
-/// surface that was kept with it, if there is one.
+/// Reads a map file to start a run of this camera from, with its dense map if there is one, and sets the camera parameters that the map
+/// knows in `config`.
 ///
 /// # Errors
-/// [`Refused`] for files that are no map, and for maps of other features or of another camera.
+/// [`Refused`] for invalid files, and for maps of other features or of another camera.
 pub fn load_map(
     path: &Path,
     config: &mut Config,
@@ -127,7 +127,7 @@ pub fn load_map(
     Ok((map, dense))
 }
 
-/// Writes a map file, as a whole or not at all, with what is known of the camera's timing, and with the surface if there is one.
+/// Writes a map file atomically, with the estimated camera timing and the dense map, if given.
 ///
 /// # Errors
 /// [`Refused`] for a map without keyframes, and when it cannot be written.

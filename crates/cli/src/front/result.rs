@@ -1,4 +1,4 @@
-//! The result folder of a run that another front end drives.
+//! The result folder of a run driven by another front end.
 
 use super::Refused;
 use crate::config;
@@ -20,48 +20,47 @@ use stillpoint::map::MapView;
 use stillpoint::slam::{self, Config, Event, Subscriber, Trajectory};
 use stillpoint::view::report::ReportRecorder;
 
-/// The name of a frame's time in `summary.json`, as the command line has it.
+/// Name of the time per frame in `summary.json`, as in the command line.
 const TOTAL: &str = "total";
 
-/// Keeps what a result folder says of a run, while it goes on: a subscriber, as the command line has them.
+/// Subscriber that collects the contents of a result folder during a run.
 #[derive(Default)]
 pub struct ResultRecorder {
     tally: Tally,
-    /// What the report shows.
     report: Option<ReportRecorder>,
     timing: Timing,
 }
 
-/// A run that is over: what it was, and what it gave.
+/// A finished run.
 pub struct Driven<'a> {
-    /// What was run on, as a path or a name; its layout; where the camera comes from.
+    /// Input path or name; its layout; source of the camera model.
     pub input: [String; 3],
-    /// How to run it again.
+    /// The command that repeats the run.
     pub command: String,
-    /// What it was run with.
+    /// Its settings.
     pub config: &'a Config,
     /// The instruction set.
     pub simd: Simd,
-    /// What the detector was.
+    /// The detector.
     pub detector: &'a DetectorInfo,
     /// Poses of all frames.
     pub trajectory: &'a Trajectory,
     /// The final map.
     pub view: Arc<MapView>,
-    /// When the parts of a frame are exposed, as estimated in the end.
+    /// The final estimate of the camera's timing.
     pub timing: slam::Timing,
-    /// The surface, where one was fused, and what was done for it.
+    /// The dense map and its counters, if one was fused.
     pub surface: Option<(DenseMap, DenseCounts)>,
-    /// The true poses, where they are known.
+    /// The true poses, if known.
     pub truth: Option<&'a [StampedPose]>,
-    /// Frames that could not be read.
+    /// Number of frames that could not be read.
     pub skipped: usize,
     /// From the first frame to the last, s.
     pub seconds: f64,
 }
 
 impl ResultRecorder {
-    /// Before the first frame; `pictures` says whether a report is to be written. `keyframes` is how many ids the map had before.
+    /// Creates it before the first frame; `pictures` enables the HTML report. `keyframes` is the number of keyframe ids already in the map.
     #[must_use]
     pub fn new(pictures: bool, keyframes: usize) -> Self {
         let report = pictures.then(|| {
@@ -75,12 +74,12 @@ impl ResultRecorder {
         }
     }
 
-    /// Takes what the last frame took, ms.
+    /// Sets the processing time of the last frame, ms.
     pub fn end_frame(&mut self, milliseconds: f64) {
         self.timing.take_frame(TOTAL, milliseconds);
     }
 
-    /// Writes the result folder as the command line does, but for the log: as a whole or not at all. `option` is what named the folder.
+    /// Writes the result folder atomically, as the command line does but without a run log. `option` named the folder, for messages.
     ///
     /// # Errors
     /// [`Refused`] for a folder that cannot be written.

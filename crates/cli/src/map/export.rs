@@ -1,4 +1,4 @@
-//! `map export`: a map in formats that other programs read, one submap at a time: they know one frame of reference only.
+//! `map export`: exports a map for other programs, one submap at a time, since their formats have a single frame of reference.
 
 use crate::args::map::MapExportArgs;
 use crate::failure::{Failure, Status};
@@ -16,7 +16,6 @@ use stillpoint::datasets::{StampedPose, trajectory};
 use stillpoint::geometry::{Se3, Vec3};
 use stillpoint::map::{Keyframe, Landmark, LandmarkId, MapView, SubmapId};
 
-/// `map export`.
 pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
     let cloud = match &args.points {
         Some(path) => Some((path, cloud_format(path)?)),
@@ -73,7 +72,6 @@ pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
     Ok(Status::Ok)
 }
 
-/// The format that the name of a file asks for.
 fn cloud_format(path: &Path) -> Result<CloudFormat, Failure> {
     CloudFormat::of(path).ok_or_else(|| {
         Failure::input(format!(
@@ -83,7 +81,7 @@ fn cloud_format(path: &Path) -> Result<CloudFormat, Failure> {
     })
 }
 
-/// The submap to write; what it leaves out is reported. None of a map without keyframes.
+/// Chooses the submap to write and reports the ones left out. `None` for a map without keyframes.
 fn choose_submap(args: &MapExportArgs, view: &MapView) -> Result<Option<SubmapId>, Failure> {
     let submaps = map::submaps(view);
     let list = |submaps: &[(SubmapId, usize)]| {
@@ -125,7 +123,6 @@ fn report(path: &Path, n: usize, what: &str) {
     console::report(&format!("{}: {n} {what}\n", path.display()));
 }
 
-/// One submap.
 struct Part<'a> {
     view: &'a MapView,
     submap: Option<SubmapId>,
@@ -157,8 +154,8 @@ impl<'a> Part<'a> {
         view.landmarks().filter_map(point).collect()
     }
 
-    /// The keyframes in the order of time, and how many were left out because another has the same stamp: recordings may have
-    /// been taken one after another, or twice, and a trajectory has one pose per stamp.
+    /// The keyframes by time, and the number of omitted duplicates: recordings in one map may share stamps, and a trajectory has one pose
+    /// per stamp.
     fn poses(&self) -> (Vec<StampedPose>, usize) {
         let mut poses: Vec<StampedPose> = self
             .keyframes()
@@ -169,7 +166,7 @@ impl<'a> Part<'a> {
             .collect();
         poses.sort_by(|a, b| a.stamp.total_cmp(&b.stamp));
         let before = poses.len();
-        // As far as the file tells them apart.
+        // To the precision of the file.
         poses.dedup_by_key(|p| (p.stamp * 1e6).round());
         let left_out = before - poses.len();
         (poses, left_out)

@@ -1,4 +1,4 @@
-//! Map files on the disk: read with every care, and written as a whole or not at all.
+//! Map files on disk: validated when read, written atomically.
 
 use crate::failure::Failure;
 use crate::output::StreamedFile;
@@ -10,28 +10,24 @@ use stillpoint::geometry::{Camera, Vec2};
 use stillpoint::map::{Extension, Map, MapFile};
 use stillpoint::slam::{Config, Timing, Up};
 
-/// Bytes that a map file may have: that of a map of 100 000 keyframes. It is read as a whole.
+/// Maximum size of a map file, bytes: that of a map of 100 000 keyframes. It is read into memory as a whole.
 const LARGEST: u64 = 8 << 30;
 
-/// How far (px) a point may be from where the camera of the map would have it before maps and images are no match: a second
-/// calibration of the same camera differs by less, another camera by more.
+/// Maximum distance between the projections of a direction by two cameras, px: recalibrating a camera changes less, another camera differs
+/// by more.
 const CAMERA_TOLERANCE: f64 = 5.0;
 
-/// Keyframe ids that a map file may have, one for each frame that went into it.
+/// Maximum number of keyframe ids in a map file, one for each frame that went into it.
 const MOST_IDS: usize = 1 << 24;
 
-/// A map file as it was read.
 pub(crate) struct Loaded {
     pub(crate) file: MapFile,
-    /// Its size.
     pub(crate) bytes: u64,
 }
 
-/// Why there is no map.
 pub(crate) enum Refusal {
-    /// The file cannot be read.
     System(Failure),
-    /// What it holds is no map.
+    /// The contents are not a valid map.
     Content(String),
 }
 
@@ -44,12 +40,11 @@ impl From<Refusal> for Failure {
     }
 }
 
-/// Reads a map file.
 pub(crate) fn load(path: &Path) -> Result<Loaded, Failure> {
     examine(path).map_err(Failure::from)
 }
 
-/// Reads a map file, and tells a file that cannot be read from one that is no map.
+/// Reads a map file; distinguishes unreadable files from invalid ones.
 pub(crate) fn examine(path: &Path) -> Result<Loaded, Refusal> {
     let system = |e: std::io::Error| {
         Refusal::System(Failure::input(format!(
@@ -64,7 +59,7 @@ pub(crate) fn examine(path: &Path) -> Result<Loaded, Refusal> {
         let read = (&mut file).take(most).read_to_end(bytes);
         read.map_err(system)
     };
-    // What is no map file, or is a device without an end, is not read any further.
+    // Reads the header first, so that other files, and devices without an end, are not read any further.
     read(&mut bytes, MapFile::HEADER_BYTES as u64)?;
     let length = MapFile::length(&bytes).map_err(|e| content(&e))?;
     if length > LARGEST {
@@ -72,7 +67,7 @@ pub(crate) fn examine(path: &Path) -> Result<Loaded, Refusal> {
             "expected a map file of at most {LARGEST} bytes, found one of {length}; this program reads maps as a whole"
         )));
     }
-    // One byte more than there should be, to see that there are more.
+    // One byte more, to detect excess data.
     let rest = (length + 1).saturating_sub(bytes.len() as u64);
     read(&mut bytes, rest)?;
     Ok(Loaded {
@@ -82,21 +77,21 @@ pub(crate) fn examine(path: &Path) -> Result<Loaded, Refusal> {
 }
 
 impl Loaded {
-    /// Readout of the map's camera and its standard deviation, s, if the map knows.
+    /// Readout of the map's camera and its standard deviation, s, if known.
     pub(crate) fn readout(&self) -> Option<[f64; 2]> {
         Timing::readout_in(self.file.extension(Timing::EXTENSION)?)
     }
 
-    /// Which way is up in it, where that was known.
+    /// The up direction, if known.
     pub(crate) fn up(&self) -> Option<Up> {
         Up::from_bytes(self.file.extension(Up::EXTENSION)?)
     }
 }
 
-/// Whether a system with this configuration and camera can resume a map, or find itself in it.
+/// Checks that a system with this configuration and camera can resume or localise in a map.
 ///
 /// # Errors
-/// Its features are from other pyramids, or its images from another camera.
+/// Features of another pyramid, or images of another camera.
 pub(crate) fn check_fits(
     path: &Path,
     map: &Map,
@@ -123,10 +118,10 @@ pub(crate) fn check_fits(
     }
 }
 
-/// Whether two maps are of one camera, so that their features and measurements can stand in one map.
+/// Checks that two maps are of one camera, so that they can be merged.
 ///
 /// # Errors
-/// They are not.
+/// Different cameras or features.
 pub(crate) fn check_alike([first, second]: [&Path; 2], [a, b]: [&Map; 2]) -> Result<(), Failure> {
     match misfit(&cameras(a), &cameras(b)) {
         None => Ok(()),
@@ -138,7 +133,7 @@ pub(crate) fn check_alike([first, second]: [&Path; 2], [a, b]: [&Map; 2]) -> Res
     }
 }
 
-/// The cameras of a map: few, mostly one.
+/// The distinct cameras of a map; usually one.
 fn cameras(map: &Map) -> Vec<&Camera> {
     let mut cameras: Vec<&Camera> = Vec::new();
     for k in map.view().keyframes() {
@@ -149,7 +144,7 @@ fn cameras(map: &Map) -> Vec<&Camera> {
     cameras
 }
 
-/// What is wrong where one of `others` is not one of `expected`, in words.
+/// Describes the difference if one of `others` matches none of `expected`.
 fn misfit(expected: &[&Camera], others: &[&Camera]) -> Option<String> {
     let pairs = expected
         .iter()
@@ -168,10 +163,10 @@ fn misfit(expected: &[&Camera], others: &[&Camera]) -> Option<String> {
     })
 }
 
-/// Whether a map with `more` keyframe ids, as many as there are frames, can still be written to a file.
+/// Checks that a map can still be saved after `more` frames, each of which may take a keyframe id.
 ///
 /// # Errors
-/// It cannot.
+/// Too many ids.
 pub(crate) fn check_room(path: &Path, map: &Map, more: usize) -> Result<(), Failure> {
     let used = map.view().keyframe_bound();
     if used.saturating_add(more) <= MOST_IDS {
@@ -183,7 +178,7 @@ pub(crate) fn check_room(path: &Path, map: &Map, more: usize) -> Result<(), Fail
     )))
 }
 
-/// How far, at most, two cameras see the same direction from each other, px; none when their images differ in size.
+/// Maximum distance between the projections of the same direction by two cameras, px; `None` when their image sizes differ.
 fn distance(a: &Camera, b: &Camera) -> Option<f64> {
     if (a.width, a.height) != (b.width, b.height) {
         return None;
@@ -200,28 +195,23 @@ fn distance(a: &Camera, b: &Camera) -> Option<f64> {
     Some(most)
 }
 
-/// A map that was written, as `summary.json` has it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SavedMap {
-    /// The file.
     pub(crate) path: String,
-    /// Its size.
     pub(crate) bytes: u64,
-    /// Keyframes in it.
     pub(crate) keyframes: usize,
-    /// Landmarks in it.
     pub(crate) landmarks: usize,
 }
 
-/// A map file in the making.
+/// A map file before it is committed.
 pub(crate) struct MapOutput {
     file: StreamedFile,
     path: String,
 }
 
 impl MapOutput {
-    /// Begins a file before the run whose map it is to hold, so that a run of an hour does not end with a file that cannot be
-    /// written. What is there is not touched. `option` is what named it.
+    /// Starts the file before the run, so that an unwritable path is reported early. An existing file stays unchanged until then. `option`
+    /// named it.
     pub(crate) fn create(path: &Path, option: &'static str) -> Result<Self, Failure> {
         Ok(Self {
             file: StreamedFile::create(path, option)?,
@@ -229,7 +219,7 @@ impl MapOutput {
         })
     }
 
-    /// Puts the map where it belongs, with what is known of the camera's timing, and what else is to be kept with it.
+    /// Writes the map with the estimated camera timing and the given extensions, and moves it into place.
     pub(crate) fn save(
         mut self,
         map: &Map,

@@ -1,5 +1,5 @@
-//! A submap as a pose graph of measurements: what two keyframes saw says how they lie to each other, whatever the map made
-//! of it. Edges that repeated the poses of the map would agree with it everywhere and tell an optimiser nothing.
+//! A submap as a pose graph of measurements: edges come from what two keyframes observed, not from the map's poses. Edges derived from the
+//! poses would agree with them everywhere and tell an optimiser nothing.
 
 use std::collections::BTreeMap;
 use stillpoint::datasets::pose_graph::GraphEdge;
@@ -9,21 +9,19 @@ use stillpoint::estimation::{
 use stillpoint::geometry::{Mat6, Se3};
 use stillpoint::map::{Keyframe, KeyframeData, KeyframeId, LoopEdge, MapView, SubmapId};
 
-/// Points that must agree on the motion between two keyframes for it to count as measured.
+/// Minimum number of inliers for a measured motion between two keyframes.
 const MIN_INLIERS: usize = 20;
 
-/// The edges of a submap.
 pub(super) struct Graph {
     /// Of covisible pairs and of parents, by the older keyframe; then those of loops.
     pub(super) edges: Vec<GraphEdge>,
-    /// How many of them are of loops.
     pub(super) loops: usize,
-    /// How many tie a keyframe to its parent by the poses of the map, since too little was measured between both.
+    /// Number of parent edges that are taken from the map's poses, because too little was measured.
     pub(super) as_estimated: usize,
 }
 
 impl Graph {
-    /// Measures how the keyframes of a submap lie to each other that share landmarks, and adds its loops.
+    /// Measures the relative poses of covisible keyframes of a submap, and adds its loops.
     pub(super) fn measure(view: &MapView, submap: Option<SubmapId>) -> Self {
         let mut graph = Self {
             edges: Vec::new(),
@@ -36,7 +34,7 @@ impl Graph {
             };
             match between(a, b) {
                 Some((from_to, information)) => graph.add(a, b, from_to, information),
-                // Without it the graph may fall apart.
+                // Without this edge the graph may fall apart.
                 None if is_parent => {
                     let from_to = a.world_from_camera.inverse() * b.world_from_camera;
                     graph.add(a, b, from_to, Mat6::identity());
@@ -64,8 +62,7 @@ impl Graph {
     }
 }
 
-/// The pairs of keyframes of a submap that share landmarks or are parent and child, the smaller id first; whether they are the
-/// latter.
+/// The pairs of keyframes of a submap that share landmarks or are parent and child, the smaller id first; true for the latter.
 fn pairs(view: &MapView, submap: Option<SubmapId>) -> BTreeMap<(KeyframeId, KeyframeId), bool> {
     let mut pairs = BTreeMap::new();
     for k in view.keyframes().filter(|k| Some(k.submap) == submap) {
@@ -81,8 +78,8 @@ fn pairs(view: &MapView, submap: Option<SubmapId>) -> BTreeMap<(KeyframeId, Keyf
     pairs
 }
 
-/// The motion between two keyframes by what both measured of the landmarks that they share, and its information: the points that
-/// `a` saw with depth, where `b` saw them. None where too few of them agree. Poses of the map are only where the search begins.
+/// The relative pose of two keyframes and its information matrix, from points that `a` saw with depth where `b` saw them. `None` with too
+/// few inliers. The map's poses only start the search.
 fn between(a: &Keyframe, b: &Keyframe) -> Option<(Se3, Mat6)> {
     let seen = a.matches.iter().enumerate();
     let points: BTreeMap<_, _> = seen
@@ -111,7 +108,7 @@ fn between(a: &Keyframe, b: &Keyframe) -> Option<(Se3, Mat6)> {
     );
     let b_from_a = fit.camera_from_world;
     let holds = fit.inlier_count >= MIN_INLIERS && b_from_a.is_finite();
-    // The fit takes the points for exact, and they are as inexact as what it fits to them.
+    // The fit assumes exact points, but they are as noisy as the observations fitted to them.
     holds.then(|| (b_from_a.inverse(), fit.information * 0.5))
 }
 
@@ -122,14 +119,14 @@ fn measurement(data: &KeyframeData, feature: usize) -> Measurement {
     Measurement::new(data.position(feature), sigma_px, depth)
 }
 
-/// A loop between the keyframes that its ends are now: a culled one hangs on another, and how is known. None between keyframes
-/// of other submaps, and where both ends have become one.
+/// A loop edge between the live keyframes at its ends: a culled keyframe is replaced by its anchor. `None` between submaps, and where both
+/// ends have the same anchor.
 fn loop_edge(view: &MapView, submap: Option<SubmapId>, edge: &LoopEdge) -> Option<GraphEdge> {
     let end = |id: KeyframeId| {
         let live = view.keyframe(view.resolve_keyframe(id)?)?;
         let live = (Some(live.submap) == submap).then_some(live)?;
         if live.id == id {
-            // To the bit: what was measured is exported as it is.
+            // Exact, so that the measurement is exported unchanged.
             return Some((id, Se3::identity()));
         }
         let live_from_id = live.world_from_camera.inverse() * view.world_from_keyframe(id)?;
@@ -140,7 +137,7 @@ fn loop_edge(view: &MapView, submap: Option<SubmapId>, edge: &LoopEdge) -> Optio
         from: from.0,
         to: to.0,
         from_to: from_from_old * edge.old_from_new * to_from_new.inverse(),
-        // A perturbation in the coordinates of the new keyframe is one in those of the keyframe that it hangs on.
+        // Transforms a perturbation at the new keyframe to the keyframe that it is anchored to.
         information: {
             let new_from_to = to_from_new.inverse().adjoint();
             let information = new_from_to.transpose() * edge.information * new_from_to;

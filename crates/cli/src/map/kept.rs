@@ -1,4 +1,4 @@
-//! What runs keep in a map file beside the map: the surface and the things.
+//! The extensions of a map file: surface and objects.
 
 use crate::failure::Failure;
 use crate::map::file::Loaded;
@@ -6,7 +6,6 @@ use std::path::Path;
 use stillpoint::dense::{DenseMap, ThingMap};
 use stillpoint::imaging::Simd;
 
-/// The surface in a map file, if it has one.
 pub(crate) fn surface(loaded: &Loaded, path: &Path) -> Result<Option<DenseMap>, Failure> {
     let bytes = loaded.file.extension(DenseMap::EXTENSION);
     let map = bytes.map(|b| DenseMap::from_bytes(b, Simd::detect()));
@@ -14,7 +13,6 @@ pub(crate) fn surface(loaded: &Loaded, path: &Path) -> Result<Option<DenseMap>, 
         .map_err(|e| Failure::input(format!("{}: {e}", path.display())))
 }
 
-/// The things in a map file, if it has any.
 pub(crate) fn things(loaded: &Loaded, path: &Path) -> Result<Option<ThingMap>, Failure> {
     let bytes = loaded.file.extension(ThingMap::EXTENSION);
     let map = bytes.map(ThingMap::from_bytes);

@@ -1,4 +1,4 @@
-//! `map merge`: two maps as one, where they show the same places.
+//! `map merge`: merges two maps that show the same places.
 
 use crate::args::map::MapMergeArgs;
 use crate::failure::{Failure, Status};
@@ -6,11 +6,10 @@ use crate::map::file::MapOutput;
 use crate::{console, dense, map, things};
 use stillpoint::slam::{Config, JoinedMaps, Timing, Up, join_maps};
 
-/// `map merge`.
 pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
     let [first, second] = [&args.first, &args.second].map(|path| map::file::load(path));
     let (first, second) = (first?, second?);
-    // Of one camera: what is known better is right for both.
+    // Same camera: the readout with the smaller sigma is valid for both.
     let readouts = [first.readout(), second.readout()];
     let surest = readouts.into_iter().flatten();
     let surest = surest.min_by(|a, b| a[1].total_cmp(&b[1]));
@@ -35,7 +34,7 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
     let [a, b] = [&first, &second].map(|m| m.view().submaps().len());
     let joined = join_maps(&Config::default(), first, &second)
         .map_err(|e| Failure::input(format!("{}: {e}", args.second.display())))?;
-    // Fewer submaps are not enough: those of one map may have been tied to each other.
+    // Comparing the number of submaps is not enough: submaps of one map may have been joined.
     if joined.shared_submaps() == 0 {
         return Err(Failure::criteria(format!(
             "expected a place of {} in {}, found none among {} that look alike: nothing was written; a recording that begins where the first map is known and is run with --load-map ties them",
@@ -67,7 +66,7 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
     Ok(Status::Ok)
 }
 
-/// What is up in the second map, in the world of the first; none where nothing says how the one lies to the other.
+/// The second map's up direction in the first map's world; `None` if their relative pose is unknown.
 fn turned(up: Up, joined: &JoinedMaps) -> Option<Up> {
     let placed = joined.placed[1]?;
     Up::along(&(placed.joined_from_map.rotation * up.vector()))

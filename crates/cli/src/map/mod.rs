@@ -1,4 +1,4 @@
-//! `map`: what is in map files, and whether they are whole.
+//! `map`: inspects, checks and processes map files.
 
 pub(crate) mod export;
 pub(crate) mod file;
@@ -19,7 +19,6 @@ use std::cmp::Reverse;
 use stillpoint::geometry::{Camera, Vec3};
 use stillpoint::map::{KeyframeId, KeyframeSlot, MapView, SubmapId};
 
-/// `map`.
 pub(crate) fn map(command: &MapCommand) -> Result<Status, Failure> {
     match command {
         MapCommand::Info(a) => info(a),
@@ -59,34 +58,33 @@ fn check(args: &MapCheckArgs) -> Result<Status, Failure> {
     }
 }
 
-/// What `map info` tells.
 #[derive(Debug, Serialize)]
 struct MapInfo {
     file: String,
     bytes: u64,
-    /// Version of the file's format.
+    /// Version of the file format.
     format: u32,
     /// Version of the map: how often it was published.
     version: u64,
     keyframes: usize,
-    /// Keyframes that were removed as redundant, and whose poses are kept.
+    /// Keyframes that were culled as redundant; their poses are kept.
     culled_keyframes: usize,
     landmarks: usize,
     observations: usize,
-    /// Loops that were closed, kept as measurements.
+    /// Number of closed loops, kept as measurements.
     loops: usize,
-    /// Parts of which it is not known how they lie to each other, the largest first.
+    /// Parts with unknown relative poses, the largest first.
     submaps: Vec<SubmapSummary>,
     /// Of the first and the last keyframe, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     stamps: Option<[f64; 2]>,
-    /// Through all keyframes of the largest submap, culled ones too, m.
+    /// Through all keyframes of the largest submap, culled ones included, m.
     path_length: f64,
-    /// Of the box with the axes of the world around all landmarks of the largest submap, m.
+    /// Of the axis-aligned box around all landmarks of the largest submap, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     extent: Option<[f64; 3]>,
     cameras: Vec<CameraJson>,
-    /// Of the pyramid that features come from.
+    /// Levels of the feature pyramid.
     levels: usize,
     scale_factor: f32,
     extensions: Vec<ExtensionJson>,
@@ -226,7 +224,7 @@ impl MapInfo {
         text
     }
 
-    /// How many there are, and which if that is a question.
+    /// The submaps as text, listed if there are several.
     fn submaps_text(&self) -> String {
         let submap = |p: &SubmapSummary| format!("{} ({} keyframes)", p.id, p.keyframes);
         let list: Vec<String> = self.submaps.iter().map(submap).collect();
@@ -252,12 +250,11 @@ impl CameraJson {
     }
 }
 
-/// All ids of keyframes that were ever given, and those between.
+/// All keyframe ids in the range of those ever given.
 fn ids(view: &MapView) -> impl Iterator<Item = KeyframeId> {
     (0..view.keyframe_bound() as u32).map(KeyframeId)
 }
 
-/// The earliest and the latest stamp.
 fn stamps(view: &MapView) -> Option<[f64; 2]> {
     let mut stamps = view.keyframes().map(|k| k.data.stamp);
     let first = stamps.next()?;
@@ -267,7 +264,7 @@ fn stamps(view: &MapView) -> Option<[f64; 2]> {
 /// The submaps with their numbers of live keyframes, the largest first, of equals the oldest.
 pub(crate) fn submaps(view: &MapView) -> Vec<(SubmapId, usize)> {
     let mut submaps = view.submaps();
-    // Stable, and they come by id.
+    // The sort is stable, and they come by id.
     submaps.sort_by_key(|p| Reverse(p.1));
     submaps
 }

@@ -1,16 +1,16 @@
-//! What a map knows of its camera's rolling shutter, for a run that begins with it.
+//! Starts a run with the rolling shutter readout that a map stores.
 
 use stillpoint::slam::{Config, SensorConfig};
 
-/// Standard deviation of a readout that a map knows, at least, s.
+/// Minimum standard deviation of a readout taken from a map, s.
 const LEAST_SIGMA: f64 = 0.001;
 
-/// Has a run begin with what a map knows of its camera's readout, unless the configuration says anything else about it than the defaults do.
+/// Sets the readout from the map, unless the user changed one of its settings.
 pub(crate) fn start_with(config: &mut Config, known: Option<[f64; 2]>) {
     let (own, usual) = (&mut config.sensor, SensorConfig::default());
     let untouched = own.readout == usual.readout && own.readout_sigma == usual.readout_sigma;
     if let Some([readout, sigma]) = known.filter(|_| own.self_calibrate && untouched) {
-        // Never as sure as the map is: the camera may have been set to another rate since.
+        // Less certain than the map: the camera's frame rate may have been changed since.
         (own.readout, own.readout_sigma) = (readout, sigma.max(LEAST_SIGMA));
     }
 }

@@ -1,4 +1,4 @@
-//! The user's cache of models: what a name stands for, and what is used when none is given.
+//! The user's model cache: names, and the default model.
 
 use crate::detector::file::{ModelFile, is_onnx};
 use crate::failure::Failure;
@@ -8,21 +8,21 @@ use stillpoint::models::{known, known_models};
 
 /// The model suggested to users who have none.
 pub(crate) const SUGGESTED: &str = "yolox-nano";
-/// More edits than this share of a name make it another name.
+/// Maximum share of edits for a name to count as mistyped.
 const MISTYPED: f64 = 0.4;
 
-/// The cache, as the environment says.
+/// The cache, as set by the environment.
 ///
 /// # Errors
-/// An environment that does not say where the user's files are.
+/// An environment without the user's folders.
 pub(crate) fn user() -> Result<Cache, Failure> {
     Cache::of_user(&|name| std::env::var_os(name)).map_err(Failure::input)
 }
 
-/// What `argument` of `option` names: a file, or a model of the cache.
+/// Resolves `argument` of `option`: a file, or a model of the cache.
 ///
 /// # Errors
-/// A name that no model has.
+/// An unknown name.
 pub(crate) fn named(argument: &str, option: &str) -> Result<ModelFile, Failure> {
     if is_onnx(argument) {
         return Ok(ModelFile::of_file(argument));
@@ -33,7 +33,7 @@ pub(crate) fn named(argument: &str, option: &str) -> Result<ModelFile, Failure> 
 /// The model of this name. `option` named it, for messages.
 ///
 /// # Errors
-/// There is none, or the cache cannot be read.
+/// An unknown name, or an unreadable cache.
 fn model(name: &str, option: &str) -> Result<ModelFile, Failure> {
     let cache = user()?;
     if let Some(model) = cache.find(name).map_err(Failure::input)? {
@@ -60,7 +60,7 @@ fn model(name: &str, option: &str) -> Result<ModelFile, Failure> {
     )))
 }
 
-/// What someone who gave the name of no model should do. `here` are those that there are.
+/// Advice after an unknown model name. `here` are the names in the cache.
 fn advice(name: &str, here: &[String], none: bool) -> String {
     if known(name).is_some() {
         return format!("`stillpoint models pull {name}` gets it");
@@ -82,17 +82,15 @@ fn advice(name: &str, here: &[String], none: bool) -> String {
     }
 }
 
-/// What is used when no model is named.
 pub(crate) enum Preferred {
     Model(ModelFile),
-    /// None, and why.
     None(String),
 }
 
 /// The model that is used when none is named.
 ///
 /// # Errors
-/// A cache that is there and cannot be read: whether it holds a model is not known then.
+/// A cache that exists but cannot be read: whether it holds a model is unknown.
 pub(crate) fn preferred() -> Result<Preferred, Failure> {
     let cache = match Cache::of_user(&|name| std::env::var_os(name)) {
         Ok(cache) => cache,

@@ -1,4 +1,4 @@
-//! `models check`: what a model is, and whether it runs.
+//! `models check`: describes a model and checks that it runs.
 
 use crate::args::models::CheckArgs;
 use crate::bench::runner::median;
@@ -16,12 +16,10 @@ use stillpoint::imaging::FrameId;
 use stillpoint::inference::OnnxDetector;
 
 const OPTION: &str = "models check";
-/// Looks whose time is reported, after a first one.
+/// Number of timed runs, after one for warming up.
 const LOOKS: usize = 5;
-/// Classes that are named.
 const NAMED: usize = 5;
 
-/// `models check`.
 pub(crate) fn check(args: &CheckArgs) -> Result<Status, Failure> {
     if let Some(option) = &args.trial {
         return trial::carry_out(&args.model, &Running::from(args.network), option);
@@ -75,7 +73,7 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Status, Failure> {
     Ok(Status::Ok)
 }
 
-/// Milliseconds of several looks at a grey image. The first, which makes everything ready, is not among them.
+/// Milliseconds of several runs on a grey image, without the warm-up run.
 fn look(detector: &mut OnnxDetector) -> Result<Vec<f64>, Failure> {
     let grey = grey()?;
     let mut times = Vec::new();
@@ -91,7 +89,6 @@ fn look(detector: &mut OnnxDetector) -> Result<Vec<f64>, Failure> {
     Ok(times)
 }
 
-/// How many classes there are, and what the first are called.
 fn classes(detector: &OnnxDetector) -> String {
     let card = detector.card();
     let all: Vec<ClassId> = (0..card.class_count())

@@ -1,4 +1,4 @@
-//! `models import`: a model file of the user's into the cache.
+//! `models import`: adds the user's model file to the cache.
 
 use crate::args::models::{ImportArgs, RuntimeChoice};
 use crate::detector::file::{Content, ModelFile, is_onnx};
@@ -13,10 +13,9 @@ use stillpoint::models::import::import_checkpoint;
 use stillpoint::models::{known_by_sha256, known_models, licence};
 
 const OPTION: &str = "models import";
-/// Begins every zip, and with it every checkpoint of PyTorch since 1.6.
+/// Signature of zip files, and so of PyTorch checkpoints since 1.6.
 const ZIP: &[u8] = b"PK\x03\x04";
 
-/// `models import`.
 pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
     let file = &args.file;
     if let Some(out) = &args.out {
@@ -31,7 +30,7 @@ pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
     let name = match (&args.name, known) {
         (Some(name), _) => name.clone(),
         (None, Some(known)) => known.name.to_owned(),
-        // Nothing in the cache gets this name.
+        // Only a label: the cache is not written.
         (None, None) if args.out.is_some() => stem(file),
         (None, None) => name_of(file)?,
     };
@@ -47,7 +46,7 @@ pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
     } else {
         published
     };
-    // Refused here, rather than at the first run that uses it.
+    // Refuses an unusable model here rather than at the first run.
     let how = Running::new(RuntimeChoice::Rten, 1);
     let tried = tried::load(&label, &network, &how, OPTION)?;
     console::info(&format!(
@@ -62,7 +61,6 @@ pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
     }
 }
 
-/// Puts a model into the cache.
 fn install(name: &str, network: &Content, record: Record) -> Result<Status, Failure> {
     let cache = cache::user()?;
     let older = cache.find(name).map_err(Failure::input)?;
@@ -82,7 +80,7 @@ fn install(name: &str, network: &Content, record: Record) -> Result<Status, Fail
     Ok(Status::Ok)
 }
 
-/// Refuses a file that could not be used as a model, before anything is done.
+/// Refuses an unusable output name before the work.
 fn check_out(out: &Path) -> Result<(), Failure> {
     if !is_onnx(&out.display().to_string()) {
         return Err(Failure::input(format!(
@@ -119,7 +117,6 @@ fn stem(file: &Path) -> String {
     stem.to_string_lossy().into_owned()
 }
 
-/// The name that a file gives to its model.
 fn name_of(file: &Path) -> Result<String, Failure> {
     let published = known_models()
         .iter()
@@ -137,7 +134,6 @@ fn is_checkpoint(file: &Path, bytes: &[u8]) -> bool {
     bytes.starts_with(ZIP) || matches!(ending.as_deref(), Some("pt" | "pth"))
 }
 
-/// Makes a checkpoint a network with a card.
 fn convert(file: &Path, bytes: &[u8], name: &str) -> Result<Content, Failure> {
     let label = file.display();
     let imported = import_checkpoint(bytes, name)

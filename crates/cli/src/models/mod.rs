@@ -1,4 +1,4 @@
-//! `models`: which models there are, and what runs them.
+//! `models`: lists and manages models and runtimes.
 
 pub(crate) mod cache;
 pub(crate) mod check;
@@ -18,7 +18,6 @@ use stillpoint::evaluation::{Align, Table};
 use stillpoint::inference::{Cache, CachedModel, State};
 use stillpoint::models::{known_models, licence};
 
-/// `models`.
 pub(crate) fn models(command: &ModelsCommand) -> Result<Status, Failure> {
     match command {
         ModelsCommand::List(_) => list(),
@@ -42,7 +41,6 @@ fn list() -> Result<Status, Failure> {
     Ok(Status::Ok)
 }
 
-/// The known models.
 fn known_text(here: &[CachedModel]) -> String {
     let mut table = Table::new(["known", "size", "licence", "here", "about"])
         .align(2, Align::Left)
@@ -64,7 +62,6 @@ fn known_text(here: &[CachedModel]) -> String {
     )
 }
 
-/// What lies in the cache.
 fn cache_text(cache: &Cache, here: &[CachedModel]) -> Result<String, Failure> {
     let mut text = format!("cache: {}\n", cache.folder().display());
     if here.is_empty() {
@@ -104,7 +101,6 @@ fn cache_text(cache: &Cache, here: &[CachedModel]) -> Result<String, Failure> {
     Ok(text + "\n")
 }
 
-/// What can run networks.
 fn runtimes_text(libraries: &Libraries) -> String {
     let mut text = "runtimes: rten (built in)".to_owned();
     match &libraries.usable {

@@ -1,4 +1,4 @@
-//! `models pull`: a known model into the cache.
+//! `models pull`: downloads a known model into the cache.
 
 use crate::args::models::PullArgs;
 use crate::console;
@@ -13,7 +13,6 @@ use stillpoint::models::{
     pull as get,
 };
 
-/// `models pull`.
 pub(crate) fn pull(args: &PullArgs) -> Result<Status, Failure> {
     let model = named(&args.name)?;
     let cache = cache::user()?;
@@ -62,7 +61,7 @@ fn named(name: &str) -> Result<&'static KnownModel, Failure> {
     })
 }
 
-/// What should be known of a licence that asks for more than to be named.
+/// A note on licences with obligations beyond attribution.
 fn licence_note(model: &KnownModel) -> Option<String> {
     model.licence.starts_with("GPL").then(|| {
         format!(
@@ -72,7 +71,6 @@ fn licence_note(model: &KnownModel) -> Option<String> {
     })
 }
 
-/// What was had.
 fn text(model: &KnownModel, pulled: &Pulled) -> String {
     let here = &pulled.model;
     let checksum = about(pulled.checksum);
@@ -85,7 +83,6 @@ fn text(model: &KnownModel, pulled: &Pulled) -> String {
     )
 }
 
-/// How far it is, for the user.
 fn show(bar: &mut Bar, progress: &Progress) {
     match progress {
         Progress::Connecting { url } => console::info(&format!("asking {url}")),

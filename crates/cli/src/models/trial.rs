@@ -1,5 +1,5 @@
-//! A model that nobody vouches for is tried in a process of its own before it is run in this one. What a network does can only be
-//! known by running it, and a runtime that asks for too much memory, overflows its stack or never ends takes its process with it.
+//! Tries an untrusted model in a separate process before it is loaded in this one. A network's behaviour is only known by running it, and a
+//! runtime that exhausts memory, overflows its stack or never ends takes its process with it.
 
 use crate::detector::file::Content;
 use crate::detector::network::{Running, load_tried};
@@ -13,32 +13,34 @@ use stillpoint::imaging::FrameId;
 use stillpoint::inference::sha256_hex;
 use stillpoint::models::known_by_sha256;
 
-/// Bytes of memory that a trial may take beside [`PER_BYTE`]: two to three times what detectors of some megabytes need for an input of 1280 x 1280 px.
+/// Memory limit of a trial beside [`PER_BYTE`], bytes: two to three times what detectors of some megabytes need for an input of 1280 x 1280
+/// px.
 const MEMORY: u64 = 850 << 20;
-/// How many more per byte of the model: it is held as read, as patched and as prepared, for two sizes.
+/// Additional memory per byte of the model: it is held as read, as patched and as prepared, for two sizes.
 const PER_BYTE: u64 = 12;
-/// Bytes of address space beside its memory: libraries, and what threads keep for themselves without using it (glibc: up to 128 MB for the arena of each).
+/// Address space beyond the memory limit, bytes: libraries, and reservations of threads (glibc: up to 128 MB for the arena of each).
 const ADDRESSES: u64 = 5 << 30;
-/// Seconds of processors that a trial may take beside one per [`MEGABYTE`] of the model: on small boards a detector of some megabytes takes some seconds for two
-/// loads and three looks.
+/// CPU time limit of a trial, s, beside one per [`MEGABYTE`] of the model: on small boards a detector of some megabytes takes some seconds
+/// for two loads and three runs.
 const SECONDS: u64 = 8;
 const MEGABYTE: u64 = 1_000_000;
-/// How long a trial may take by the clock: several times its seconds of processors, on a machine that is busy with other things.
+/// Wall clock limit of a trial: several times its CPU time, for busy machines.
 const TIME: Duration = Duration::from_secs(60);
-/// Between two looks at whether it has ended is a twentieth of the time that has passed, this at least and twenty times this at most: most trials take a fraction of a second.
+/// Polling interval: a twentieth of the elapsed time, at least this and at most twenty times this, as most trials take a fraction of a
+/// second.
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// Tries a model in a process of its own, unless it is one of those that are known.
+/// Tries a model in a separate process, unless its checksum is that of a known model.
 ///
 /// # Errors
-/// What is wrong with the model, in the words that this process would have; a model that takes its process with it, or does not end.
+/// The child's error message; a model that kills its process or does not end.
 pub(crate) fn check(
     name: &str,
     content: &Content,
     how: &Running,
     option: &str,
 ) -> Result<(), Failure> {
-    // Tests of the program's parts are another program.
+    // The unit test executable is another program.
     if cfg!(test) || known_by_sha256(&sha256_hex(&content.bytes)).is_some() {
         return Ok(());
     }
@@ -68,15 +70,13 @@ pub(crate) fn check(
     )))
 }
 
-/// A process at work on a model.
 struct Trial {
     child: Child,
-    /// Reads what it says on stderr.
+    /// Collects its stderr.
     said: JoinHandle<String>,
     begun: Instant,
 }
 
-/// How it ended.
 #[derive(Debug, PartialEq)]
 enum Ended {
     Well,
@@ -94,7 +94,7 @@ impl Trial {
             .stderr(Stdio::piped())
             .spawn()?;
         let (stdin, stderr) = (child.stdin.take(), child.stderr.take());
-        // On its own, since who waits for one of the pipes lets the other fill up.
+        // On its own thread, so that neither pipe fills up while the other is served.
         let said = std::thread::spawn(move || {
             let mut said = Vec::new();
             if let Some(mut pipe) = stderr {
@@ -104,13 +104,12 @@ impl Trial {
             String::from_utf8_lossy(&said).into_owned()
         });
         if let Some(pipe) = stdin {
-            // A child that is gone tells by how it ended.
+            // If the child is gone, its exit status says why.
             let _ = hand_over(pipe, content);
         }
         Ok(Self { child, said, begun })
     }
 
-    /// Waits for its end, for so long.
     fn end(mut self, time: Duration) -> std::io::Result<Ended> {
         let status = loop {
             if let Some(status) = self.child.try_wait()? {
@@ -137,13 +136,12 @@ impl Trial {
     }
 }
 
-/// Begins the message that a command ends with.
 const ERROR: &str = "error: ";
-/// Bytes of such a message at most: the longest of our own have some kilobytes.
+/// Maximum size of such a message, bytes: our longest have some kilobytes.
 const LONGEST: u64 = 1 << 16;
 
-/// Gives the child the card and the model: the lengths of the card's name and text, then all three. A model without a card has an empty
-/// name for it.
+/// Sends the card and the model to the child: the lengths of the card's name and text, then name, text and model. Without a card its name
+/// is empty.
 fn hand_over(mut pipe: impl Write, content: &Content) -> std::io::Result<()> {
     let none = (String::new(), String::new());
     let (name, text) = content.card.as_ref().unwrap_or(&none);
@@ -156,7 +154,7 @@ fn hand_over(mut pipe: impl Write, content: &Content) -> std::io::Result<()> {
     pipe.flush()
 }
 
-/// What [`hand_over`] gives.
+/// Receives what [`hand_over`] sends.
 fn take(mut pipe: impl Read) -> std::io::Result<Content> {
     let mut length = || -> std::io::Result<u64> {
         let mut bytes = [0; 8];
@@ -178,28 +176,28 @@ fn take(mut pipe: impl Read) -> std::io::Result<Content> {
     })
 }
 
-/// Memory for a model of so many bytes.
+/// Memory limit for a model of this many bytes.
 fn memory(bytes: usize) -> u64 {
     MEMORY + PER_BYTE * bytes as u64
 }
 
-/// Seconds of processors for a model of so many bytes.
+/// CPU time limit for a model of this many bytes, s.
 fn seconds(bytes: usize) -> u64 {
     SECONDS + bytes as u64 / MEGABYTE
 }
 
-/// The child: loads the model that comes in and looks at an image. How it ends is all that it says.
+/// The child process: loads the model from stdin and runs it on an image; the exit status is the result.
 pub(crate) fn carry_out(name: &str, how: &Running, option: &str) -> Result<Status, Failure> {
     let content = take(std::io::stdin().lock()).map_err(Failure::input)?;
     let bytes = content.bytes.len();
     limit(memory(bytes), seconds(bytes)).map_err(Failure::input)?;
     let mut network = load_tried(name, &content, how, option)?;
-    // What an image leads to is for who looks at one to say; here it is enough to come back from it.
+    // An error is reported when the model is used; here it is enough that the process survives.
     let _ = network.detector.detect_image(&grey()?, FrameId(0));
     Ok(Status::Ok)
 }
 
-/// Limits this process's memory and time; and no picture of its memory is written to the disk should it end by that.
+/// Limits memory and CPU time of this process, and disables core dumps.
 #[cfg(target_os = "linux")]
 fn limit(bytes: u64, seconds: u64) -> std::io::Result<()> {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
@@ -245,7 +243,7 @@ mod tests {
     fn however_a_process_ends_it_is_known() {
         let long = Duration::from_secs(30);
         assert_eq!(ended("cat > /dev/null", long), Ended::Well);
-        // One that does not even read.
+        // A child that does not even read.
         assert_eq!(ended("exit 0", long), Ended::Well);
         let said = ended(
             "echo 'warning: x' >&2; echo 'error: of\ntwo lines' >&2; exit 2",
@@ -264,10 +262,10 @@ mod tests {
         assert_eq!(ended(endless, Duration::from_millis(50)), Ended::Never);
     }
 
-    /// Names the limit, s, of the process that a test starts, and how long it works, s.
+    /// Environment variable with the limit and the duration of the work of the child process, s.
     const LIMIT: &str = "STILLPOINT_TEST_LIMIT";
 
-    /// The process that [`a_limit_of_time_ends_a_process`] starts; without that it does nothing.
+    /// The child process of [`a_limit_of_time_ends_a_process`]; as a test it does nothing.
     #[test]
     #[cfg(target_os = "linux")]
     fn works_for_some_time() {
@@ -277,7 +275,7 @@ mod tests {
         let (limited, works) = named.split_once(' ').unwrap();
         limit(memory(0), limited.parse().unwrap()).unwrap();
         let works: f64 = works.parse().unwrap();
-        // Hundredths of a second in this process and in the kernel for it, by proc(5).
+        // User and system time of this process, in hundredths of a second, by proc(5).
         let used = || {
             let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
             let fields = stat.rsplit(')').next().unwrap().split_whitespace();
@@ -303,7 +301,7 @@ mod tests {
             let trial = Trial::begin(command, &content).unwrap();
             trial.end(Duration::from_secs(60)).unwrap()
         };
-        // Within the limit of a small model, and far beyond one of a second: kernels look at the limit now and then only.
+        // Within the limit of a small model, and far beyond one of a second: kernels check the limit only now and then.
         assert_eq!(ended(seconds(1), "1.2"), Ended::Well);
         assert!(matches!(ended(1, "30"), Ended::Dead(_)));
         assert_eq!((seconds(1), seconds(3_500_000)), (8, 11));

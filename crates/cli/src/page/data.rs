@@ -1,4 +1,4 @@
-//! What the report of a run is made of: the session that just ended, or what an older one left in its folder.
+//! Data of a run's report: from the session that just ended, or from a result folder.
 
 use crate::dense::Fused;
 use crate::failure::Failure;
@@ -14,12 +14,11 @@ use stillpoint::geometry::{Se3, Vec3};
 use stillpoint::map::SubmapId;
 use stillpoint::view::report::{FrameRow, FrameState, ReportRecorder, RunData, from_html};
 
-/// Stamps in `frames.csv` and `trajectory.txt` are written to this, s.
+/// Tolerance for matching stamps of `frames.csv` and `trajectory.txt`, s.
 const STAMP: f64 = 2e-6;
-/// Bytes that a file of a result may have.
 const LARGEST: u64 = 1 << 30;
 
-/// Of a session that ended.
+/// From a session that ended.
 pub(crate) fn of_session(
     setup: &Setup<'_>,
     (session, found): (&Session, &Found),
@@ -46,7 +45,7 @@ pub(crate) fn of_session(
             setup.timing.per_frame("total")
         }
     };
-    // They are of the frames that were tracked, one for each; else nobody knows of which.
+    // There is one time per tracked frame; with another count they cannot be assigned.
     if times.len() == rows.len() {
         for (row, ms) in rows.iter_mut().zip(times) {
             row.time_ms = Some(ms).filter(|ms| ms.is_finite());
@@ -73,7 +72,7 @@ pub(crate) fn of_session(
     run
 }
 
-/// Of a result folder: from the report in it, if there is one, else from its files, without map and pictures.
+/// From a result folder: the data in its report if there is one, else its files, without map and images.
 pub(crate) fn of_folder(folder: &Path) -> Result<RunData, Failure> {
     let text = |name: &str| -> Result<String, Failure> {
         let path = folder.join(name);
@@ -120,13 +119,12 @@ pub(crate) fn of_folder(folder: &Path) -> Result<RunData, Failure> {
     Ok(run)
 }
 
-/// What a run is called: the last part of what it was run on.
+/// The run's name: the last part of its input path.
 pub(crate) fn name(input: &str) -> String {
     let last = Path::new(input).file_name();
     last.map_or_else(|| input.to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
-/// The frames of `frames.csv`, with their final poses.
 fn rows(frames_csv: &str, poses: &[StampedPose]) -> Vec<FrameRow> {
     let pose_at = |stamp: f64| -> Option<Se3> {
         let i = poses.partition_point(|p| p.stamp < stamp - STAMP);
@@ -161,7 +159,7 @@ fn rows(frames_csv: &str, poses: &[StampedPose]) -> Vec<FrameRow> {
     lines.filter_map(row).collect()
 }
 
-/// Errors and true positions, in the world of the run.
+/// Sets errors and true positions, in the world of the run.
 fn set_errors(rows: &mut [FrameRow], score: &Score) {
     match score {
         Score::Moving(evaluation) => {

@@ -1,4 +1,4 @@
-//! `report`: the page of a run made again, or one of several runs beside each other.
+//! `report`: remakes the page of a run, or makes one of several runs.
 
 pub(crate) mod data;
 
@@ -10,12 +10,9 @@ use std::io::Write;
 use std::path::PathBuf;
 use stillpoint::view::report::to_html;
 
-/// The page's name in a result folder.
 pub(crate) const FILE: &str = "report.html";
-/// The page of several runs.
 const COMPARISON: &str = "comparison.html";
 
-/// `report`.
 pub(crate) fn report(args: &ReportArgs) -> Result<Status, Failure> {
     let runs = args.results.iter().map(|folder| data::of_folder(folder));
     let runs = runs.collect::<Result<Vec<_>, _>>()?;
@@ -30,7 +27,7 @@ pub(crate) fn report(args: &ReportArgs) -> Result<Status, Failure> {
     Ok(Status::Ok)
 }
 
-/// The command that was typed, as a shell takes it.
+/// The command line, quoted for a shell.
 pub(crate) fn typed() -> String {
     let quoted = crate::typed().map(|a| quoted(&a.to_string_lossy()));
     let words: Vec<String> = std::iter::once("stillpoint".to_owned())

@@ -1,4 +1,4 @@
-//! `live realsense`: a camera that runs, and its recording.
+//! `live realsense`: runs on a camera, and records it.
 
 pub(crate) mod seconds;
 
@@ -15,7 +15,6 @@ use stillpoint::imaging::{FrameSource, ImuSample, RgbdFrame, SourceError};
 use stillpoint::realsense::{Options, RealSense};
 use stillpoint::recordings::{self, Device, Input, McapRecorder};
 
-/// `live realsense`.
 pub(crate) fn live(args: &LiveRealsenseArgs, timing: &'static Timing) -> Result<Status, Failure> {
     if let Some(path) = args.output.record.record.as_deref().filter(|p| p.exists()) {
         return Err(Failure::input(format!(
@@ -44,7 +43,7 @@ pub(crate) fn live(args: &LiveRealsenseArgs, timing: &'static Timing) -> Result<
         recorder: recorder.clone(),
     });
     let status = on(device, args, Some(recorder.clone()), timing);
-    // Whatever became of the run: the frames are there.
+    // Whatever the outcome of the run, keep the recorded frames.
     let finished = recorder.finish();
     if status.is_ok() {
         finished?;
@@ -63,7 +62,7 @@ fn on(
     run::run_on(opened, &args.as_run(), recorder, timing)
 }
 
-/// A camera whose frames are written to a file as they come.
+/// A camera that is recorded during the run.
 #[derive(Debug)]
 struct Recorded {
     device: Box<dyn Device>,
@@ -87,18 +86,18 @@ impl Device for Recorded {
         Ok(Box::new(Recording {
             mount: self.camera().imu,
             recorder: Some(self.recorder.clone()),
-            // Colours are recorded even while nobody watches.
+            // Colour is always recorded, even if the run does not need it.
             frames: self.device.frames(true)?,
         }))
     }
 }
 
-/// Frames that are written before anybody sees them.
+/// Writes each frame before passing it on.
 struct Recording {
-    /// How an inertial sensor is mounted, to be written before the first frame.
+    /// Mounting of the inertial sensor, written before the first frame.
     mount: Option<ImuModel>,
     frames: Box<dyn FrameSource>,
-    /// None when it could not write any more.
+    /// `None` after a write error.
     recorder: Option<SharedRecorder>,
 }
 

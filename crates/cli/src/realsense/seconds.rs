@@ -1,4 +1,4 @@
-//! Some seconds of a camera, for `doctor`.
+//! Records some seconds of a camera in memory, for `doctor`.
 
 use crate::failure::Failure;
 use crate::input;
@@ -9,10 +9,10 @@ use stillpoint::imaging::{FrameSource, ImuSample, RgbdFrame, SourceError};
 use stillpoint::realsense::{Options, RealSense};
 use stillpoint::recordings::{self, Device, Input};
 
-/// Some seconds of a camera, kept so that they can be looked at more than once; the first frames are left out.
+/// Keeps some seconds of a camera, so that they can be examined repeatedly; the first frames are skipped.
 ///
 /// # Errors
-/// No camera, or one that gives nothing.
+/// No camera, or one that delivers nothing.
 pub(crate) fn some_seconds(
     playback: Option<PathBuf>,
     start: usize,
@@ -38,7 +38,7 @@ pub(crate) fn some_seconds(
                 }
             }
             Err(e) if kept.is_empty() => return Err(Failure::input(e)),
-            // What came until it was unplugged is looked at.
+            // Frames from before the camera was unplugged are still used.
             Err(_) => break,
         }
     }
@@ -52,7 +52,6 @@ pub(crate) fn some_seconds(
     Ok(opened)
 }
 
-/// A camera of which some frames were kept.
 #[derive(Debug)]
 struct Kept {
     device: RealSense,
@@ -84,12 +83,11 @@ impl Device for Kept {
     }
 }
 
-/// The frames that were kept.
 struct Again {
     frames: Arc<[RgbdFrame]>,
     next: usize,
     samples: Arc<[ImuSample]>,
-    /// Samples that were given.
+    /// Number of inertial samples already returned.
     taken: usize,
 }
 

@@ -1,4 +1,4 @@
-//! `render`: a run as a moving picture.
+//! `render`: a run as an animation.
 
 pub(crate) mod reel;
 mod scene;
@@ -32,14 +32,13 @@ use stillpoint::recordings::Input;
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{LogEntry, RunLog};
 
-/// Bytes that the summary of a result may have: 64 MiB, so that a file of another kind is refused before it fills the memory.
+/// Maximum size of a summary, bytes: 64 MiB, so that a file of another kind is refused before it fills the memory.
 const LARGEST: u64 = 1 << 26;
-/// What the trajectory of the run is called.
+/// Label of the run's trajectory.
 pub(crate) const OURS: &str = "Stillpoint";
-/// What that of the demo without the filter is called.
+/// Label of the demo's trajectory without the filter.
 pub(crate) const OFF: &str = "filter off";
 
-/// `render`.
 pub(crate) fn render(args: &RenderArgs, timing: &'static Timing) -> Result<Status, Failure> {
     let format = Format::of(&args.out)?;
     let found = Found::at(&args.result)?;
@@ -61,19 +60,15 @@ pub(crate) fn render(args: &RenderArgs, timing: &'static Timing) -> Result<Statu
     Ok(Status::Ok)
 }
 
-/// A result folder, and what is in it.
 struct Found {
     folder: PathBuf,
     log_path: PathBuf,
     log: RunLog,
     about: About,
-    /// Where its input was.
     input: PathBuf,
-    /// Trajectories beside it that are shown as well.
     others: Vec<(&'static str, PathBuf)>,
 }
 
-/// Frames and what is known of who took them.
 struct Footage {
     frames: ReadAhead,
     camera: Camera,
@@ -120,7 +115,7 @@ impl Found {
         })
     }
 
-    /// Refuses a picture in the place of what is read, or of a file of the result.
+    /// Refuses an output path that is an input or a file of the result.
     fn check_out(&self, args: &RenderArgs) -> Result<(), Failure> {
         let mut inputs: Vec<(&str, &Path)> = vec![("the log", &self.log_path)];
         inputs.extend(args.also.iter().map(|a| ("--also", &*a.file)));
@@ -140,7 +135,7 @@ impl Found {
         Ok(())
     }
 
-    /// Carries out the run once more, and keeps what is to be seen.
+    /// Repeats the run, and keeps the data to draw.
     fn repeat(self, args: &RenderArgs, timing: &'static Timing) -> Result<Scene, Failure> {
         let about = &self.about;
         let mut config =

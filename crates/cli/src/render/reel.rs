@@ -1,4 +1,4 @@
-//! What is kept of a run while it goes by: some views, and how far each of their pixels was.
+//! Keeps some images of a run, with their depth.
 
 use crate::failure::Failure;
 use crate::sink::{Ended, Sink, Subscription};
@@ -10,24 +10,21 @@ use stillpoint::slam::{Event, FrameReport};
 use stillpoint::view::Picture;
 use stillpoint::view::film::{Film, view};
 
-/// Pictures, at most: some 60 MB while they are made. Longer runs are shown faster.
+/// Maximum number of images: some 60 MB while they are made. Longer runs are shown faster.
 const MOST: usize = 120;
-/// Pictures per second: that looks smooth enough.
+/// Images per second: smooth enough.
 pub(crate) const RATE: f64 = 10.0;
 /// Frames per second of most cameras: every third one is shown.
 const USUAL: f64 = 30.0;
-/// Columns of the depth that is kept, px: of a surface it is to be known when it was seen, not what it looks like.
+/// Width of the kept depth, px: it only determines when each part of the surface was seen.
 const DEPTH_COLUMNS: usize = 160;
 
-/// Takes every n-th frame.
 pub(crate) struct Reel {
     every: usize,
-    /// Frames that went by.
     seen: usize,
     pub(super) taken: Vec<Taken>,
 }
 
-/// A moment of the run.
 pub(super) struct Taken {
     pub(super) frame: FrameId,
     pub(super) stamp: f64,
@@ -36,7 +33,6 @@ pub(super) struct Taken {
 }
 
 impl Reel {
-    /// For a run of so many frames.
     pub(crate) fn new(frames: usize) -> Self {
         let smooth = (USUAL / RATE) as usize;
         Self {
@@ -80,13 +76,12 @@ impl Sink for Reel {
     }
 }
 
-/// Every n-th pixel in both directions.
 fn thinned(depth: &DepthImage) -> DepthImage {
     let step = depth.width().div_ceil(DEPTH_COLUMNS).max(1);
     let (w, h) = (depth.width() / step, depth.height() / step);
     let at = |i: usize| depth.at(i % w * step + step / 2, i / w * step + step / 2);
     let data = (0..w * h).map(at).collect();
-    // The data have the size that width and height ask for.
+    // The data match width and height.
     DepthImage::from_vec(w, h, data).unwrap_or_default()
 }
 

@@ -1,4 +1,4 @@
-//! What a run left, as pictures.
+//! Draws the images of an animation from the data of a run.
 
 use crate::dense::Fused;
 use crate::failure::Failure;
@@ -14,7 +14,7 @@ use stillpoint::imaging::FrameId;
 use stillpoint::view::film::{Film, Look, Plot, Stand, Surface, Track, first_seen};
 use stillpoint::view::{Colour, Picture};
 
-/// The colours of other trajectories: none is green, as that of the run is, and neighbours differ in brightness too.
+/// Colours of other trajectories: none is green, which is the run's, and neighbours differ in brightness too.
 const OTHERS: [Colour; 4] = [
     Colour(255, 120, 60),
     Colour(255, 214, 64),
@@ -23,13 +23,11 @@ const OTHERS: [Colour; 4] = [
 ];
 const TRUTH: Colour = Colour(240, 244, 250);
 
-/// A trajectory of somebody else.
 pub(crate) struct Named {
     pub(crate) name: String,
     pub(crate) poses: Vec<StampedPose>,
 }
 
-/// What there is to show.
 pub(crate) struct Scene {
     reel: Reel,
     camera: Camera,
@@ -40,15 +38,13 @@ pub(crate) struct Scene {
     truth: Option<Vec<StampedPose>>,
 }
 
-/// Pictures in the order of time.
 pub(crate) struct Shot {
     pub(crate) pictures: Vec<Picture>,
-    /// Per second.
     pub(crate) rate: f64,
 }
 
 impl Scene {
-    /// Of a session that ended.
+    /// From a session that ended.
     pub(crate) fn of(
         reel: Reel,
         session: &Session,
@@ -67,7 +63,6 @@ impl Scene {
         }
     }
 
-    /// Draws all pictures.
     pub(crate) fn shoot(&self, also: &[Named]) -> Result<Shot, Failure> {
         if self.reel.taken.is_empty() || self.poses.is_empty() {
             return Err(Failure::criteria(
@@ -118,7 +113,7 @@ impl Scene {
         })
     }
 
-    /// Times that it is shown faster than it was recorded.
+    /// Playback speed relative to the recording.
     fn speed(&self) -> f64 {
         let taken = &self.reel.taken;
         let (Some(first), Some(last)) = (taken.first(), taken.last()) else {
@@ -146,7 +141,7 @@ impl Scene {
     /// The true trajectory, the others, and that of the run.
     fn tracks(&self, also: &[Named]) -> Result<Vec<Track>, Failure> {
         let mut tracks = Vec::new();
-        // Stamps of the run alone: what was before and after is not shown.
+        // Limited to the time of the run.
         let span = |p: &StampedPose| {
             let near = |q: Option<&StampedPose>, sign: f64| {
                 q.is_some_and(|q| sign * (p.stamp - q.stamp) >= -0.05)
@@ -179,7 +174,7 @@ impl Scene {
         Ok(tracks)
     }
 
-    /// A trajectory in the frame of reference of the run, brought there by the rigid motion that fits best; none without common stamps.
+    /// A trajectory aligned to the run by the best rigid motion; `None` without common stamps.
     fn aligned(&self, poses: &[StampedPose]) -> Option<Vec<(f64, Vec3)>> {
         let (ours, theirs) = (timed(&self.poses), timed(poses));
         let pairs = associate(&ours, &theirs, EvalOptions::default().max_dt);
@@ -191,7 +186,7 @@ impl Scene {
         };
         match absolute_error(&ours, &theirs, &pairs, false) {
             Ok(ate) => points(&|p| ate.alignment.apply(p)),
-            // Cameras that stand still: the first common pose says how one lies to the other.
+            // Where cameras stand still, the first common pose gives the transform.
             Err(_) => {
                 let motion =
                     ours[first].world_from_camera * theirs[other].world_from_camera.inverse();
@@ -200,7 +195,7 @@ impl Scene {
         }
     }
 
-    /// What the error is called, and its RMSE, m, where the truth is known.
+    /// The name of the error and its RMSE, m, where the truth is known.
     fn error(&self, poses: &[StampedPose]) -> Option<(&'static str, f64)> {
         let truth = timed(self.truth.as_ref()?);
         match score(&truth, &timed(poses), &EvalOptions::default()).ok()? {
@@ -209,7 +204,6 @@ impl Scene {
         }
     }
 
-    /// The error in words.
     fn note(&self, poses: &[StampedPose]) -> String {
         let error = self.error(poses);
         error.map_or_else(String::new, |(_, m)| format!("{:.1} mm", m * 1e3))

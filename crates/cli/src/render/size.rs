@@ -1,4 +1,4 @@
-//! Pictures as a file that keeps to a size.
+//! Encodes images to a file of limited size.
 
 use crate::console::{self, counted};
 use crate::failure::Failure;
@@ -9,16 +9,14 @@ use std::path::Path;
 use stillpoint::view::film::{MovieOptions, write_gif, write_webp};
 use stillpoint::view::{Picture, ViewError, write_png};
 
-/// What is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Format {
     Webp,
     Gif,
-    /// The last picture alone.
     Png,
 }
 
-/// How much of it is made: every n-th picture, in this share of the width, with this quality of WebP.
+/// An encoding level: every n-th image, at this scale, with this quality of WebP.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Effort {
     every: usize,
@@ -26,7 +24,7 @@ struct Effort {
     quality: f32,
 }
 
-/// Tried one after the other until one fits: first what one does not see, then the rate, then the size, by which text becomes small.
+/// Levels that are tried until one fits: first invisible losses, then the frame rate, then the size, which makes text small.
 const EFFORTS: [Effort; 8] = [
     effort(1, 1.0, 78.0),
     effort(1, 1.0, 55.0),
@@ -37,7 +35,7 @@ const EFFORTS: [Effort; 8] = [
     effort(8, 0.5, 40.0),
     effort(16, 0.4, 30.0),
 ];
-/// What is left of a size when pictures have so much fewer pixels, at least: those that cannot fit by that are not made.
+/// Minimum size that remains relative to the share of pixels that remain: levels that cannot fit by this bound are skipped.
 const HOPE: f64 = 0.5;
 
 const fn effort(every: usize, scale: f64, quality: f32) -> Effort {
@@ -49,7 +47,6 @@ const fn effort(every: usize, scale: f64, quality: f32) -> Effort {
 }
 
 impl Format {
-    /// By the ending of a file's name.
     pub(crate) fn of(path: &Path) -> Result<Self, Failure> {
         let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("");
         match &*ending.to_ascii_lowercase() {
@@ -91,7 +88,7 @@ impl Format {
         Ok((bytes, shown))
     }
 
-    /// Whether an effort makes something else than the one before.
+    /// Whether the output of a level differs from that of the one before.
     fn differs(self, before: &Effort, now: &Effort) -> bool {
         match self {
             Self::Webp => true,
@@ -101,10 +98,10 @@ impl Format {
     }
 }
 
-/// Writes a file of at most so many MB, and says what it is.
+/// Writes a file of at most this many MB, and describes it.
 ///
 /// # Errors
-/// A file that cannot be written, and pictures that do not fit: then there is none.
+/// A file that cannot be written, and images that do not fit; then no file is written.
 pub(crate) fn write(
     shot: &Shot,
     format: Format,
@@ -131,7 +128,6 @@ pub(crate) fn write(
     ))
 }
 
-/// The first effort whose result fits.
 fn fitting(
     shot: &Shot,
     format: Format,
@@ -166,7 +162,7 @@ mod tests {
     use super::*;
     use stillpoint::view::Colour;
 
-    /// Pictures that compress badly.
+    /// Images that compress badly.
     fn shot(n: usize) -> Shot {
         let mut state = 1u32;
         let mut noise = || {

@@ -1,4 +1,4 @@
-//! What a run log says about the run: what it was configured with, so that a replay needs the log and the data set alone.
+//! Description of a run in its log, so that a replay needs only the log and the data set.
 
 use crate::args::InputArgs;
 use crate::config;
@@ -14,16 +14,12 @@ use std::path::{Path, PathBuf};
 use stillpoint::slam::{Config, MapUse};
 use toml::Table;
 
-/// What a replay has to know of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub(crate) struct About {
-    /// Version of the program that ran it.
     pub(crate) stillpoint: String,
-    /// Camera file or preset, when one was named.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) camera: Option<String>,
-    /// Topics that were named.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) color_topic: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -40,45 +36,38 @@ pub(crate) struct About {
     pub(crate) odometry_topic: Option<String>,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(crate) no_odometry: bool,
-    /// Depth values per metre, when they were named.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) depth_scale: Option<f64>,
-    /// Frames left out at the start.
+    /// Frames skipped at the start.
     pub(crate) start: usize,
     /// Map that was resumed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) load_map: Option<PathBuf>,
-    /// Map that the camera was found in.
+    /// Map that was localised in.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) localize: Option<PathBuf>,
-    /// What looked at the frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) detector: Option<DetectorJson>,
-    /// What was fused of a live run, where images may have come too late.
+    /// Frames fused in a live run, where images may have come too late.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) dense: Option<Logged>,
-    /// Numbers of the frames in which a live run looked for things.
+    /// Numbers of the frames in which a live run searched for objects.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) things: Option<Vec<u32>>,
-    /// The scene, of a run that had no recording.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) simulated: Option<Simulated>,
-    /// The whole configuration.
     pub(crate) config: Table,
 }
 
-/// A simulated scene as a run had it; its seed is that of the configuration.
+/// A simulated scene; its seed is that of the configuration.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub(crate) struct Simulated {
-    /// Name.
     pub(crate) scene: String,
-    /// Number of frames.
     pub(crate) frames: usize,
 }
 
 impl About {
-    /// Of a run with these arguments.
     pub(crate) fn new(
         input: &InputArgs,
         config: &Config,
@@ -93,7 +82,7 @@ impl About {
             stillpoint: env!("CARGO_PKG_VERSION").to_owned(),
             camera: input.camera.as_deref().map(|named| {
                 let file = Path::new(named);
-                // A preset is no file.
+                // Presets stay as they are.
                 if file.is_file() {
                     absolute(file).display().to_string()
                 } else {
@@ -120,13 +109,12 @@ impl About {
         })
     }
 
-    /// As TOML.
     pub(crate) fn to_text(&self) -> Result<String, Failure> {
         toml::to_string(self)
             .map_err(|e| Failure::input(format!("the run cannot be described as TOML: {e}")))
     }
 
-    /// Reads what a log says; nothing is said in one that another program left. `log` is its name, for messages.
+    /// Reads the description in a log; empty in one of another program. `log` is its path, for messages.
     pub(crate) fn read(text: &str, log: &Path) -> Result<Self, Failure> {
         toml::from_str(text).map_err(|e| {
             Failure::input(format!(
@@ -138,12 +126,12 @@ impl About {
     }
 }
 
-/// The same from every folder.
+/// An absolute path, valid from every folder.
 fn absolute(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_owned())
 }
 
-/// The log of a run, for the result folder; where it goes to a file of its own, it is written there.
+/// The run log for the result folder; with `--log` it is written to that file instead.
 pub(crate) fn run_log(
     session: &Session,
     about: &About,

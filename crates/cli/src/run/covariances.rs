@@ -1,17 +1,17 @@
-//! `trajectory_covariance.txt`: how uncertain the poses of `trajectory.txt` are, line by line, as `smfeval` reads it (`--cov`).
+//! `trajectory_covariance.txt`: covariances of the poses in `trajectory.txt`, line by line, in the format of `smfeval` (`--cov`).
 
 use crate::run::session::Poses;
 use std::fmt::Write;
 use stillpoint::geometry::Mat6;
 
-/// The header of the file: the conventions in the notation of smfeval, then the columns.
+/// File header: the conventions in the notation of smfeval, then the columns.
 const HEAD: &str = "#%TANGENT_CONVENTION right_perturbation
 #%TANGENT_ORDER translation_rotation
 # truth = pose * exp(e); lower triangle of the covariance of e, row by row: m^2, m rad, rad^2
 # timestamp c11 c21 c22 c31 c32 c33 c41 c42 c43 c44 c51 c52 c53 c54 c55 c61 c62 c63 c64 c65 c66
 ";
 
-/// The files, by name: from where the map began, and in the map around each pose. None where nothing is known of any pose.
+/// The files by name: covariances relative to the map's origin, and within the map around each pose. Empty without covariances.
 pub(crate) fn files(poses: &Poses) -> Vec<(&'static str, String)> {
     let all = &poses.covariances;
     if all.is_empty() || all.len() != poses.final_poses.len() {
@@ -33,7 +33,7 @@ pub(crate) fn files(poses: &Poses) -> Vec<(&'static str, String)> {
 fn text<'a>(lines: impl Iterator<Item = (f64, &'a Mat6)>) -> String {
     let mut text = HEAD.to_owned();
     for (stamp, covariance) in lines {
-        // Writing to a String cannot fail. Stamps are those of trajectory.txt, to the digit.
+        // Writing to a String cannot fail. Stamps are formatted as in trajectory.txt.
         let _ = write!(text, "{stamp:.6}");
         for row in 0..6 {
             for column in 0..=row {

@@ -1,4 +1,4 @@
-//! What became of every frame: `frames.csv`, and the stretches in which tracking was lost.
+//! Outcome of every frame: `frames.csv`, and the intervals in which tracking was lost.
 
 use crate::run::submaps::{Submap, by_submap, is_posed};
 use crate::run::summary::{LostStretch, StillStretch};
@@ -8,33 +8,29 @@ use stillpoint::imaging::{FrameId, Standstill, Still};
 use stillpoint::map::{MapView, SubmapId};
 use stillpoint::slam::{FrameReport, FrameState, Outcome, Trajectory};
 
-/// Why a frame has no pose any more.
+/// Loss reason of a frame whose pose was revoked.
 const WITHDRAWN: &str = "its pose rode on what moves and was withdrawn";
 
-/// A line of `frames.csv`.
 #[derive(Clone, Debug)]
 struct Line {
     frame: FrameId,
     stamp: f64,
     state: FrameState,
-    /// Whether a map began with it.
+    /// Whether it started a map.
     begins: bool,
-    /// Why it is lost; empty otherwise.
     loss: String,
-    /// The submap that its pose was in when it was measured.
+    /// Its submap when the pose was measured.
     submap: Option<SubmapId>,
     inliers: u32,
     is_keyframe: bool,
-    /// What of it stands still.
+    /// Which of its images repeat the previous ones.
     still: Option<Standstill>,
 }
 
-/// All frames of a run, in order.
 #[derive(Clone, Default)]
 pub(crate) struct Frames(Vec<Line>);
 
 impl Frames {
-    /// Takes a frame's report.
     pub(crate) fn take(&mut self, report: &FrameReport) {
         let state = report.state();
         self.0.push(Line {
@@ -50,8 +46,8 @@ impl Frames {
         });
     }
 
-    /// Brings the states to what became of the frames later: the first ones of a map may have been tracked again, and then others of them
-    /// have poses.
+    /// Updates the states from the final trajectory: the first frames of a map may have been tracked again, so that others of them have
+    /// poses.
     pub(crate) fn settle(&mut self, trajectory: &Trajectory) {
         let entries = trajectory.entries();
         for line in &mut self.0 {
@@ -66,13 +62,13 @@ impl Frames {
         }
     }
 
-    /// How many frames with a pose were tracked while it was undecided who moves.
+    /// Number of frames with a pose that were tracked while it was undecided which regions move.
     pub(crate) fn undecided(&self) -> usize {
         let undecided = |l: &&Line| l.state == FrameState::Undecided;
         self.0.iter().filter(undecided).count()
     }
 
-    /// The stretches of frames without a pose: why, how long, and what ended them.
+    /// The intervals without a pose, with reason, duration, and how they ended.
     pub(crate) fn lost(&self) -> Vec<LostStretch> {
         let mut stretches: Vec<LostStretch> = Vec::new();
         let mut open: Option<f64> = None;
@@ -106,7 +102,6 @@ impl Frames {
         stretches
     }
 
-    /// The stretches in which images stood still.
     pub(crate) fn still(&self) -> Vec<StillStretch> {
         let mut stretches: Vec<StillStretch> = Vec::new();
         let mut open: Option<(Still, FrameId)> = None;
@@ -154,13 +149,13 @@ impl Frames {
             .collect()
     }
 
-    /// The submap that a frame's pose was in when it was measured.
+    /// The submap of a frame's pose when it was measured.
     fn submap_at(&self, frame: FrameId) -> Option<SubmapId> {
         let at = self.0.binary_search_by_key(&frame, |l| l.frame).ok()?;
         self.0[at].submap
     }
 
-    /// The text of `frames.csv`. `final_submap` says which submap a submap has become part of.
+    /// The text of `frames.csv`. `view` resolves merged submaps.
     pub(crate) fn to_csv(&self, trajectory: &Trajectory, view: &MapView) -> String {
         let entries = trajectory.entries();
         let mut text =

@@ -1,4 +1,4 @@
-//! A map file that a run begins with.
+//! The map file that a run starts from.
 
 use crate::console;
 use crate::failure::Failure;
@@ -9,27 +9,22 @@ use stillpoint::geometry::Camera;
 use stillpoint::map::Map;
 use stillpoint::slam::{Config, MapUse, StartError, Up};
 
-/// A map file to begin with.
 #[derive(Clone, Copy)]
 pub(crate) struct KnownMap<'a> {
     pub(crate) path: &'a Path,
     pub(crate) map_use: MapUse,
 }
 
-/// A map that is there before the first frame.
+/// A map loaded before the first frame.
 pub(crate) struct Known {
     pub(crate) map: Map,
     pub(crate) map_use: MapUse,
-    /// The surface that was kept with it.
     pub(crate) dense: Option<DenseMap>,
-    /// The things that were kept with it.
     pub(crate) things: Option<ThingMap>,
-    /// Which way is up in it, where that was known.
     pub(crate) up: Option<Up>,
 }
 
 impl<'a> KnownMap<'a> {
-    /// As the arguments have it.
     pub(crate) fn of(load_map: Option<&'a Path>, localize: Option<&'a Path>) -> Option<Self> {
         let (path, map_use) = match (load_map, localize) {
             (Some(path), _) => (path, MapUse::Grow),
@@ -39,7 +34,8 @@ impl<'a> KnownMap<'a> {
         Some(Self { path, map_use })
     }
 
-    /// Reads it, and has the run begin with what it knows of the camera. `ids` is how many keyframe ids the run may add, if it is to be saved.
+    /// Reads the map, and sets the camera parameters that it stores. `ids` is the number of keyframe ids that the run may add, if the map
+    /// is to be saved.
     pub(crate) fn load(
         &self,
         config: &mut Config,

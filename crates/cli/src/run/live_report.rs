@@ -1,4 +1,4 @@
-//! What was measured of a live run: in `summary.json`, and in words.
+//! Measurements of a live run, for `summary.json` and as text.
 
 use crate::console;
 use serde::{Deserialize, Serialize};
@@ -7,25 +7,24 @@ use stillpoint::evaluation::timing::Stats;
 use stillpoint::imaging::FrameId;
 use stillpoint::live::{Ended, FrameTiming, LiveStatistics, Missed, WorkerEnd};
 
-/// The subscriber that shows how far a run is: it is to see the newest frame only.
+/// Subscriber of the progress line: sees only the newest frame.
 pub(crate) const PROGRESS: &str = "progress";
-/// The subscriber that draws pictures into a folder: it is told of when it leaves some out.
+/// Subscriber that draws images into a folder: reports omitted images.
 pub(crate) const OVERLAY: &str = "overlay";
 
-/// Frames that arrive later than this are reported, ms: a third of the time between two of them.
+/// Lateness above which frames are reported, ms: a third of the time between two frames.
 const LATE_MS: f64 = 10.0;
 
-/// A live run.
 pub(crate) struct LiveRun {
     pub(crate) json: LiveJson,
-    /// Of every frame that was tracked, ms.
+    /// Of every tracked frame, ms.
     pub(crate) latency_ms: Vec<f64>,
-    /// Of the frames that the detector answered for, until tracking took the answer, ms.
+    /// Of every frame with a detector answer, until tracking took the answer, ms.
     pub(crate) answer_ms: Vec<(FrameId, f64)>,
 }
 
 impl LiveRun {
-    /// What was measured of a run whose frames were chosen so, whose threads ended so, and whose frames arrived so much later than their stamps say, s.
+    /// From the frame selection, how the threads ended, and the lateness of frames, s.
     pub(crate) fn new(
         frames: &str,
         measured: &LiveStatistics,
@@ -43,55 +42,49 @@ impl LiveRun {
     }
 }
 
-/// What was measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct LiveJson {
-    /// Which frames were to be tracked: `newest` or `all`.
+    /// Frame selection: `newest` or `all`.
     pub(crate) frames: String,
-    /// Frames that arrived and were not refused.
     pub(crate) arrived: u64,
-    /// Frames that came twice or out of order, or do not fit the camera.
+    /// Frames that came twice or out of order, or do not match the camera.
     pub(crate) refused: u64,
-    /// Frames that a newer one replaced before tracking could take them.
+    /// Frames that were replaced by a newer one before tracking took them.
     pub(crate) dropped: usize,
-    /// Their share of those that arrived, 0 to 1.
+    /// Share of arrived frames that were dropped, 0 to 1.
     pub(crate) dropped_share: f64,
     /// From a frame's arrival to its pose.
     pub(crate) latency_ms: Figures,
-    /// Of that, until tracking took it.
+    /// Part of the latency until tracking took the frame.
     pub(crate) waited_ms: Figures,
-    /// By how much a frame's stamp is later than that of the newest detections that were known.
+    /// Age of the newest known detections relative to the frame's stamp.
     pub(crate) detections_age_ms: Figures,
-    /// From the arrival of a frame that the detector looked at until tracking took the answer.
+    /// From the arrival of a frame until tracking took the detector's answer for it.
     pub(crate) answer_ms: Figures,
-    /// Time since the view of the map that a frame was tracked in had been published.
+    /// Age of the map view that a frame was tracked in.
     pub(crate) view_age_ms: Figures,
-    /// By how much frames arrived later than their stamps say.
+    /// Lateness of frames relative to their stamps.
     pub(crate) late_ms: Figures,
-    /// Keypoints that were wanted.
     #[serde(default)]
     pub(crate) features: Figures,
-    /// Keyframes that this view did not hold yet.
+    /// Keyframes that this view did not contain yet.
     pub(crate) keyframes_behind: Figures,
-    /// Messages that waited for mapping when a pose was there.
+    /// Messages queued for mapping when a pose was ready.
     pub(crate) mapping_queue: Figures,
-    /// Messages that waited for looping then.
+    /// Messages queued for loop closing at that time.
     pub(crate) looping_queue: Figures,
-    /// Frames that the detector answered for, per second of the run.
+    /// Frames answered by the detector per second of the run.
     pub(crate) detections_per_second: f64,
-    /// What did not reach those who listened because they were too slow, by their names.
+    /// Events and images missed by slow subscribers, by name.
     #[serde(default)]
     pub(crate) subscribers: BTreeMap<String, MissedJson>,
-    /// How every thread ended: `finished`, or why it did not.
+    /// How every thread ended: `finished`, or why not.
     pub(crate) threads: Threads,
 }
 
-/// What a subscriber missed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct MissedJson {
-    /// Events that were left out.
     pub(crate) events: u64,
-    /// Frames that came without the image that it wanted.
     pub(crate) images: u64,
 }
 
@@ -104,7 +97,7 @@ impl From<Missed> for MissedJson {
     }
 }
 
-/// Statistics over frames or answers; all zero where there are none.
+/// Statistics over frames or answers; all zero if there are none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Figures {
     pub(crate) n: usize,
@@ -140,11 +133,9 @@ impl Figures {
     }
 }
 
-/// How every thread ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Threads {
     pub(crate) tracking: String,
-    /// Absent without a detector.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) detection: Option<String>,
     pub(crate) mapping: String,
@@ -195,7 +186,7 @@ impl LiveJson {
         }
     }
 
-    /// Threads that did not finish, and how they ended.
+    /// Threads that did not finish, with the reason.
     fn failures(&self) -> impl Iterator<Item = (&'static str, &str)> {
         let t = &self.threads;
         let all = [
@@ -210,7 +201,7 @@ impl LiveJson {
             .filter(move |(_, end)| *end != finished)
     }
 
-    /// Says what went wrong with threads and events. Returns how many threads did not finish.
+    /// Prints problems of threads and events. Returns the number of threads that did not finish.
     pub(crate) fn tell(&self) -> usize {
         for (name, end) in self.failures() {
             console::line(&format!(
@@ -234,7 +225,7 @@ impl LiveJson {
         self.failures().count()
     }
 
-    /// The rows that a live run adds to the table of times.
+    /// Rows that a live run adds to the timing table.
     pub(crate) fn rows(&self) -> Vec<(&str, Stats)> {
         let rows = [
             ("latency", &self.latency_ms),
@@ -249,7 +240,6 @@ impl LiveJson {
             .collect()
     }
 
-    /// What the report says beside the table.
     pub(crate) fn text(&self) -> String {
         let queue = |q: &Figures| format!("{:.1} (at most {:.0})", q.mean, q.max);
         let mut text = format!(
@@ -343,7 +333,7 @@ mod tests {
             text.contains("12.0 detections per second, 100 ms old"),
             "{text}"
         );
-        // What was not measured has no row.
+        // Missing measurements have no row.
         let rows: Vec<&str> = json.rows().iter().map(|r| r.0).collect();
         assert_eq!(rows, ["latency", "- waited", "age of detections"]);
         assert_eq!(json.tell(), 2);

@@ -1,4 +1,4 @@
-//! `run`: a data set folder or recording through the system, frame by frame or as a camera.
+//! `run`: processes a data set folder or recording, frame by frame or at camera rate.
 
 pub(crate) mod about;
 mod covariances;
@@ -41,17 +41,16 @@ use stillpoint::live::Stage;
 use stillpoint::recordings;
 use stillpoint::slam::{Config, CostTable, Plan};
 
-/// Frames that are read ahead of a live run: a second at 30 Hz, so that what the disk or another program holds up for a moment does
-/// not hold up the camera; about 70 MB with colour.
+/// Frames that are read ahead of a live run: a second at 30 Hz, so that short delays of the disk or of other programs do not delay the
+/// camera; about 70 MB with colour.
 const AHEAD: usize = 30;
 
-/// `run`.
 pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Failure> {
     let dataset = open(&args.path, &args.input)?;
     run_on(dataset, args, None, timing)
 }
 
-/// `run` on an input that is open; `recorder` is where it writes its frames itself.
+/// `run` on an open input; `recorder` is the file to which the input writes its frames.
 pub(crate) fn run_on(
     dataset: recordings::Input,
     args: &RunArgs,
@@ -68,7 +67,7 @@ pub(crate) fn run_on(
         input: &args.input,
         output: &args.output,
         config,
-        // A camera's own name is no other run's.
+        // The name of a device needs no suffix.
         done: match args.live {
             Some(_) if !is_device => "_live",
             _ => "",
@@ -134,13 +133,13 @@ pub(crate) fn run_on(
     let log = run_log(&session, &about, log_file)?;
     let status = over.write(&session, &found, log)?;
     if let Some(beside) = beside.flatten().filter(|_| !session.interrupted) {
-        // A panic there has been said, and takes nothing from the result.
+        // A panic there was reported and does not affect the result.
         let _ = beside.join();
     }
     found.late.map_or(Ok(status), Err)
 }
 
-/// The configuration with as much work as fits into a time per frame.
+/// The configuration whose work fits into a time per frame.
 fn within(config: &Config, budget_ms: f64) -> Config {
     let plan = Plan::new(config, budget_ms, &CostTable::REFERENCE);
     console::info(&format!(
@@ -158,7 +157,6 @@ fn within(config: &Config, budget_ms: f64) -> Config {
     plan.apply(config)
 }
 
-/// Every n-th frame, in words.
 fn every(n: u32) -> String {
     let suffix = match (n % 10, n % 100) {
         (_, 11..=13) => "th",
@@ -173,8 +171,7 @@ fn every(n: u32) -> String {
     }
 }
 
-/// Loads the detector. In a live run its thread gives way to tracking. So do the threads of its network, which inherit the priority
-/// of the thread that starts them.
+/// Loads the detector. In a live run its thread has a lower priority than tracking, and so have the network's threads, which inherit it.
 fn load_detector(
     args: &RunArgs,
     settled: &Settled,

@@ -1,18 +1,18 @@
-//! Whether everything that a run writes has a place of its own: the later of two outputs on one path would take the place of the
-//! earlier, hours after the mistake was made.
+//! Checks that all outputs of a run have different paths: otherwise the later of two would replace the earlier at the end of a run.
 
 use crate::failure::Failure;
 use crate::output::is_result_file;
 use std::path::{Component, Path, PathBuf};
 use stillpoint::recordings::Input;
 
-/// Endings of files that data sets are read from. An existing one in a data set is taken for a part of it; other files in its folder may be of a run before.
+/// File extensions of data sets. An existing file with one of them in a data set counts as a part of it; other files there may come from an
+/// earlier run.
 const DATA: [&str; 11] = [
     "txt", "png", "jpg", "jpeg", "webp", "yaml", "yml", "bag", "mcap", "db3", "zstd",
 ];
 
-/// Refuses two of the files that a run writes on one path, and one in the place of one of its result. `inputs` are files that
-/// are read. All come with what they are named by.
+/// Refuses two outputs on one path, and an output on the path of a result file or of one of `inputs`, which are read. All are given with
+/// their names for messages.
 ///
 /// # Errors
 /// The two options and the path.
@@ -27,7 +27,7 @@ pub(crate) fn check_run(
         let place = place(path);
         let name = place.file_name().and_then(|n| n.to_str());
         let in_result = place.parent() == Some(&*out) && name.is_some_and(is_result_file);
-        // The log's own name in the result folder is where it goes anyway.
+        // That is the default place of the log.
         if in_result && !(option == "--log" && name == Some("run.log")) {
             return Err(twice(path, option, "a file of the result"));
         }
@@ -35,14 +35,14 @@ pub(crate) fn check_run(
     Ok(())
 }
 
-/// Refuses two files on one path: of `files`, by the options that name them, and `inputs`, which are read.
+/// Refuses two of `files` on one path, and a file on the path of one of `inputs`, which are read.
 ///
 /// # Errors
 /// The two options and the path.
 pub(crate) fn check(files: &[(&str, &Path)], inputs: &[(&str, &Path)]) -> Result<(), Failure> {
     let mut taken: Vec<(&str, PathBuf)> = inputs.iter().map(|(o, p)| (*o, place(p))).collect();
     for &(option, path) in files {
-        // What goes to a device or pipe takes nothing's place.
+        // Devices and pipes are not replaced.
         if path.exists() && !path.is_file() {
             continue;
         }
@@ -55,8 +55,8 @@ pub(crate) fn check(files: &[(&str, &Path)], inputs: &[(&str, &Path)]) -> Result
     Ok(())
 }
 
-/// Refuses outputs that would change what is read at `path`: files of the data set or recording, and folders of its images, in which a run replaces
-/// and removes files by their names. `results` are folders that are written, and `files` files, by the options that name them.
+/// Refuses outputs that would change the input at `path`: files of the data set or recording, and folders of its images, where a run would
+/// replace and remove files by name. `results` are output folders, `files` output files, each with its option.
 ///
 /// # Errors
 /// The option and the path.
@@ -104,7 +104,6 @@ pub(crate) fn check_outputs(
     Ok(())
 }
 
-/// The files that are named at all.
 pub(crate) fn named<'a, const N: usize>(
     files: [(&'static str, Option<&'a Path>); N],
 ) -> Vec<(&'static str, &'a Path)> {
@@ -114,7 +113,6 @@ pub(crate) fn named<'a, const N: usize>(
         .collect()
 }
 
-/// Whether a file is one of a folder, and of none below it.
 pub(crate) fn is_in(file: &Path, folder: &Path) -> bool {
     place(file).parent() == Some(&*place(folder))
 }
@@ -126,7 +124,7 @@ fn twice(path: &Path, option: &str, other: &str) -> Failure {
     ))
 }
 
-/// Where a path leads, whether there is anything or not: without links as far as it exists, and without `.` and `..` beyond.
+/// The canonical path, existing or not: links are resolved as far as it exists, `.` and `..` beyond that.
 fn place(path: &Path) -> PathBuf {
     if let Ok(found) = path.canonicalize() {
         return found;
@@ -150,7 +148,7 @@ fn place(path: &Path) -> PathBuf {
 mod tests {
     use super::*;
 
-    /// The files of `--verdicts`, `--save-map` and `--trace`, as far as they are named.
+    /// The files of `--verdicts`, `--save-map` and `--trace` that are given.
     fn files(paths: [Option<&str>; 3], folder: &Path) -> Vec<(&'static str, PathBuf)> {
         let [verdicts, trace, save_map] = paths.map(|p| p.map(|p| folder.join(p)));
         let all = [
@@ -195,7 +193,7 @@ mod tests {
             found.contains("--save-map, found that of --verdicts"),
             "{found}"
         );
-        // However it is written, and whether its folder is there or not.
+        // In any spelling, whether or not its folder exists.
         for other in ["sub/../f", "./f", "no/../f"] {
             assert!(
                 said([Some("f"), Some(other), None], None, &[]).contains("f"),
@@ -214,7 +212,7 @@ mod tests {
             ),
             ""
         );
-        // What is read.
+        // An input.
         let log = root.join("f");
         assert!(said([Some("f"), None, None], None, &[("the log", &log)]).contains("the log"));
     }

@@ -1,4 +1,4 @@
-//! What passes between a source and a driver that takes its frames in its own time.
+//! Wrappers between a source and a driver.
 
 use crate::run::stop::Stop;
 use crate::timing::Timing;
@@ -7,7 +7,7 @@ use stillpoint::imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame, Sou
 
 type Item = Result<RgbdFrame, SourceError>;
 
-/// Measures what a source takes, on the thread that reads it.
+/// Measures the reading time of a source, on its thread.
 pub(crate) struct Reading<S> {
     source: S,
     timing: &'static Timing,
@@ -43,16 +43,15 @@ impl<S: FrameSource> FrameSource for Reading<S> {
     }
 }
 
-/// Longest time between two frames that is waited for, s, as the driver for cameras has it.
+/// Longest time between two frames that is waited for, s, as in the driver for cameras.
 const LONGEST_GAP: f64 = 5.0;
 
-/// Whether frames are there when a camera would have them.
+/// Measures whether frames are ready at camera time.
 #[derive(Default)]
 struct Pace {
-    /// A moment and the stamp that it stands for.
+    /// A moment and the stamp that corresponds to it.
     anchor: Option<(Instant, f64)>,
     last: f64,
-    /// By how much each frame came too late, s.
     late: Vec<f64>,
 }
 
@@ -70,7 +69,7 @@ impl Pace {
     }
 }
 
-/// A source that is played as a camera: measures how late frames come, and ends when a listener wants the run to end.
+/// A source played as a camera: measures the lateness of frames, and ends when a sink stops the run.
 pub(crate) struct Watched<'a> {
     source: &'a mut dyn FrameSource,
     stop: Stop,
@@ -92,7 +91,7 @@ impl<'a> Watched<'a> {
         }
     }
 
-    /// By how much frames came later than their stamps say, s, one per frame but the first.
+    /// Lateness of frames relative to their stamps, s, for each frame but the first.
     pub(crate) fn late(&self) -> &[f64] {
         &self.pace.late
     }
@@ -104,7 +103,7 @@ impl FrameSource for Watched<'_> {
             return None;
         }
         let next = tracing::info_span!("wait").in_scope(|| self.source.next_frame());
-        // What was waited for on this thread.
+        // Ends the timing round, which holds the waiting time.
         self.timing.end_round();
         if let Some(Ok(frame)) = &next
             && !self.source.is_live()

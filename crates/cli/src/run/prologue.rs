@@ -1,4 +1,4 @@
-//! What `run` and `replay` have in common: an input that is opened, a result that is begun, and how both come to their end.
+//! The common steps of `run` and `replay`: opening the input, starting the outputs, and finishing them.
 
 use crate::args::InputArgs;
 use crate::config;
@@ -27,32 +27,26 @@ use stillpoint::map::Map;
 use stillpoint::recordings::{Input, Source};
 use stillpoint::slam::{Config, MapUse};
 
-/// What is asked for.
 pub(crate) struct Task<'a> {
-    /// Data set folder or recording.
     pub(crate) path: &'a Path,
     pub(crate) input: &'a InputArgs,
     pub(crate) output: &'a OutputArgs,
     pub(crate) config: Config,
-    /// What is done to the data set, in the name of the result folder.
+    /// Suffix of the result folder's default name.
     pub(crate) done: &'static str,
-    /// The file of `--log`.
     pub(crate) log: Option<&'a Path>,
-    /// Files that are read, which nothing may take the place of, with what they are named by.
+    /// Files that are read and must not be replaced, with their names for messages.
     pub(crate) inputs: Vec<(&'static str, &'a Path)>,
-    /// A recording that has more than what the run finds.
     pub(crate) recorder: Option<SharedRecorder>,
     pub(crate) timing: &'static Timing,
 }
 
-/// The input of a task.
 pub(crate) struct Opened<'a> {
     task: Task<'a>,
     simd: Simd,
     pub(crate) dataset: Input,
 }
 
-/// A task whose first frame can go by.
 pub(crate) struct Begun<'a> {
     task: Task<'a>,
     simd: Simd,
@@ -65,10 +59,9 @@ pub(crate) struct Begun<'a> {
     up: KnownUp,
 }
 
-/// A task whose frames have gone by, and whose sinks have finished.
+/// A task whose frames are processed and whose sinks have finished.
 pub(crate) struct Over<'a>(Begun<'a>);
 
-/// What a driver takes of it.
 pub(crate) struct Means {
     pub(crate) frames: ReadAhead,
     pub(crate) sinks: Sinks,
@@ -77,13 +70,11 @@ pub(crate) struct Means {
 }
 
 impl<'a> Task<'a> {
-    /// Opens the data set or recording.
     pub(crate) fn open(self) -> Result<Opened<'a>, Failure> {
         let dataset = open(self.path, self.input)?;
         self.with(dataset)
     }
 
-    /// With an input that is open.
     pub(crate) fn with(self, dataset: Input) -> Result<Opened<'a>, Failure> {
         let simd = config::simd()?;
         Ok(Opened {
@@ -95,9 +86,8 @@ impl<'a> Task<'a> {
 }
 
 impl<'a> Opened<'a> {
-    /// Reads the map to begin with, and begins everything that is to be written. `colour`: whether the detector looks at colours;
-    /// `ahead`: frames that are read ahead; `adds_ids`: whether the frames become ids of a map that is loaded and saved again; `logged`: what a run
-    /// fused that is repeated.
+    /// Reads the initial map, and starts all outputs. `colour`: whether the detector needs colour; `ahead`: frames that are read ahead;
+    /// `adds_ids`: whether the frames become ids of a map that is loaded and saved again; `logged`: frames that the replayed run fused.
     pub(crate) fn begin(
         self,
         known: Option<KnownMap<'_>>,
@@ -152,7 +142,6 @@ impl<'a> Opened<'a> {
 }
 
 impl Task<'_> {
-    /// Whether everything that is written has a place of its own.
     fn check_paths(&self, out: &Path, dataset: &Input) -> Result<(), Failure> {
         let mut files = self.output.files();
         files.extend(self.log.map(|path| ("--log", path)));
@@ -163,7 +152,6 @@ impl Task<'_> {
     }
 }
 
-/// What a result is of.
 fn described(path: &Path, dataset: &Input) -> Described {
     Described {
         name: path.display().to_string(),
@@ -172,7 +160,7 @@ fn described(path: &Path, dataset: &Input) -> Described {
     }
 }
 
-/// `out/`, the name of the folder or of the file without its ending, and `_` with what was done to it other than `run`.
+/// `out/` with the name of the folder, or of the file without its extension, and `_` with `done` if that is not empty.
 fn default_out(path: &Path, done: &str) -> PathBuf {
     let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let name = path.file_name().or(full.file_name());
@@ -183,7 +171,6 @@ fn default_out(path: &Path, done: &str) -> PathBuf {
     Path::new("out").join(name)
 }
 
-/// The frames that are asked for.
 fn frames(task: &Task<'_>, dataset: &Input, colour: bool) -> Result<Source, Failure> {
     Ok(dataset.frames(&FrameOptions {
         start: task.input.start,
@@ -193,7 +180,7 @@ fn frames(task: &Task<'_>, dataset: &Input, colour: bool) -> Result<Source, Fail
 }
 
 impl<'a> Begun<'a> {
-    /// Begins everything that is written beside the result, for so many frames where their number is known.
+    /// Starts all outputs besides the result; `frames` is the number of frames, if known.
     fn begin_sinks(
         &mut self,
         known: Option<&Known>,
@@ -224,7 +211,6 @@ impl<'a> Begun<'a> {
         })
     }
 
-    /// What lets the frames go by.
     pub(crate) fn driver<'i>(
         &self,
         interrupt: &'i Interrupt,
@@ -244,10 +230,10 @@ impl<'a> Begun<'a> {
         }
     }
 
-    /// The frames have gone by: has the sinks finish. Returns what they leave.
+    /// Finishes the sinks after the last frame. Returns their results.
     ///
     /// # Errors
-    /// What a sink could not put where it belongs.
+    /// An output that cannot be completed.
     pub(crate) fn finish(
         mut self,
         session: &Session,
@@ -263,7 +249,7 @@ impl Over<'_> {
         &self.0.task.config
     }
 
-    /// Writes the result and reports on it. `log` is the log of the run, as it stands in the result folder.
+    /// Writes and reports the result. `log` is the run log for the result folder.
     pub(crate) fn write(
         self,
         session: &Session,
@@ -304,7 +290,7 @@ mod tests {
         let here = std::env::current_dir().unwrap();
         let name = here.file_name().unwrap();
         assert_eq!(default_out(Path::new("."), ""), Path::new("out").join(name));
-        // A file gives its name without the ending, a folder all of it.
+        // The default name drops the extension of a file, but not of a folder.
         let dir = tempfile::tempdir().unwrap();
         let [file, folder] = ["walk.mcap", "walk.bag"].map(|n| dir.path().join(n));
         std::fs::write(&file, "").unwrap();

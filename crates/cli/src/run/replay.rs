@@ -1,4 +1,4 @@
-//! `replay`: a run again, bit for bit, from its log and its data set.
+//! `replay`: repeats a run, bit for bit, from its log and its data set.
 
 use crate::args::run::ReplayArgs;
 use crate::args::{InputArgs, TopicArgs};
@@ -14,10 +14,9 @@ use std::path::Path;
 use stillpoint::datasets::{ReadAhead, read_regular};
 use stillpoint::slam::RunLog;
 
-/// Bytes that a log may have: that of a day. It is read as a whole.
+/// Maximum size of a log, bytes: that of a day. It is read into memory as a whole.
 const LARGEST: u64 = 1 << 30;
 
-/// `replay`.
 pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Status, Failure> {
     let (log, bytes) = read(&args.log)?;
     let about = About::read(&log.about, &args.log)?;
@@ -36,7 +35,7 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
     let opened = task.open()?;
     let named = KnownMap::of(args.load_map.as_deref(), args.localize.as_deref());
     let logged = KnownMap::of(about.load_map.as_deref(), about.localize.as_deref());
-    // What the detector said is in the log, so nobody looks at colours.
+    // The detections are in the log, so no colour is needed.
     let (begun, means) = opened.begin(
         named.or(logged),
         false,
@@ -66,7 +65,7 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
     Ok(judge(session.agrees, status, &place, voice))
 }
 
-/// The frames of a run, of the camera that is named or else that of the run.
+/// The frames of the logged run, with another camera if given.
 pub(crate) fn input_of(about: &About, camera: Option<String>) -> InputArgs {
     InputArgs {
         camera: camera.or_else(|| about.camera.clone()),
@@ -86,7 +85,7 @@ pub(crate) fn input_of(about: &About, camera: Option<String>) -> InputArgs {
     }
 }
 
-/// Says whether the trajectory is that of the run; nothing when not all of it was replayed.
+/// Reports whether the trajectory equals that of the run; nothing if the replay is incomplete.
 fn judge(agrees: Option<bool>, status: Status, log: &str, voice: Voice) -> Status {
     match agrees {
         None => status,
@@ -103,7 +102,6 @@ fn judge(agrees: Option<bool>, status: Status, log: &str, voice: Voice) -> Statu
     }
 }
 
-/// Reads a log: what it says, and its bytes.
 pub(crate) fn read(path: &Path) -> Result<(RunLog, Vec<u8>), Failure> {
     let bytes = read_regular(path, LARGEST).map_err(|e| {
         Failure::input(format!(

@@ -1,5 +1,4 @@
-//! What a session found: its score, its result folder, its report and how it ended. `run`, `replay` and `demo` write it
-//! in the same way.
+//! Writes and reports the result of a session, for `run`, `replay` and `demo`.
 
 use crate::console::{self, counted};
 use crate::dense::Fused;
@@ -26,22 +25,18 @@ use stillpoint::evaluation::plot::{
 use stillpoint::evaluation::{EvalOptions, Score, TimedPose, score};
 use stillpoint::view::report::to_html;
 
-/// How a run reports on its result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Voice {
-    /// In words, on stdout.
     Words,
-    /// For programs: the summary as JSON is all that goes to stdout.
+    /// JSON: stdout holds only the summary.
     Json,
 }
 
 impl Voice {
-    /// As the arguments have it.
     pub(crate) fn of(json: bool) -> Self {
         if json { Self::Json } else { Self::Words }
     }
 
-    /// Says something beside the report, in lines.
     pub(crate) fn say(self, lines: &str) {
         match self {
             Self::Words => console::report(lines),
@@ -50,7 +45,7 @@ impl Voice {
     }
 }
 
-/// Scores a session, writes its result, prints the report, and says how it ended.
+/// Scores a session, writes its result, prints the report, and returns the status.
 pub(crate) fn finish(
     setup: &Setup<'_>,
     (session, found): (&Session, &Found),
@@ -64,20 +59,19 @@ pub(crate) fn finish(
             let detailed = console::verbosity() > 1;
             console::report(&report::run_text(&summary, detailed));
         }
-        // Asked for, so printed even where nothing but errors is to be said.
+        // Requested explicitly, so printed even with `-q`.
         Voice::Json => console::print(&to_json(&summary)?),
     }
     voice.say(&format!("result in {}\n", out.display()));
     Ok(verdict(&summary))
 }
 
-/// The summary as it stands in `summary.json`.
 fn to_json(summary: &Summary) -> Result<String, Failure> {
     let json = serde_json::to_string_pretty(summary).map_err(Failure::input)?;
     Ok(format!("{json}\n"))
 }
 
-/// Scores a session and writes its result, with what the sinks found. Returns the figures and the score of the final poses.
+/// Scores a session and writes its result, including that of the sinks. Returns the figures and the score of the final poses.
 pub(crate) fn write(
     setup: &Setup<'_>,
     session: &Session,
@@ -96,7 +90,7 @@ pub(crate) fn write(
         let png = figure.to_png().map_err(Failure::input)?;
         folder.write(&format!("{name}.png"), &png)?;
     }
-    // After all that takes memory, but for the report, which holds it.
+    // After everything that takes memory, except the report, which contains the summary.
     let summary = summarise(setup, session, found, scores.as_ref());
     let json = to_json(&summary)?;
     if let Some(recorder) = setup.report {
@@ -127,7 +121,7 @@ fn write_poses(poses: &Poses, folder: &mut ResultFolder) -> Result<(), Failure> 
     folder.write("keyframes.txt", &text(&poses.keyframes))
 }
 
-/// The plots of a result: the final poses, against the ground truth where there is any, and the times.
+/// The plots: final poses, with the ground truth if there is any, and times.
 fn figures(
     setup: &Setup<'_>,
     session: &Session,
@@ -157,7 +151,7 @@ fn figures(
     figures
 }
 
-/// The plot of a score: errors of a camera that moves, drift of one that stands still.
+/// The plot of a score: errors of a moving camera, drift of one that stands still.
 pub(crate) fn score_figure(title: &str, score: &Score, estimate: &[TimedPose]) -> Figure {
     match score {
         Score::Moving(e) => trajectory_figure(title, &e.ate, e.rpe.as_ref()),
@@ -165,20 +159,19 @@ pub(crate) fn score_figure(title: &str, score: &Score, estimate: &[TimedPose]) -
     }
 }
 
-/// One frame in so many may be unreadable, as for the doctor. A few damaged images are part of life, and tracking goes on behind them; with more than
-/// that something is wrong with the recording as a whole, and poses are far apart.
+/// A result is a failure if more than one frame in this many is unreadable, as in the doctor. Tracking bridges a few damaged images; more
+/// of them mean that the recording as a whole is faulty, and leave large gaps between poses.
 const READABLE: usize = 10;
 
-/// Whether too many frames could not be read.
 fn unread(summary: &Summary) -> bool {
     summary.tracking.skipped * READABLE > summary.tracking.frames + summary.tracking.skipped
 }
 
-/// At most so many stretches are listed, each of at least so many frames: the longest fit on a screen, and a driver repeats single images now and then.
+/// Maximum number of intervals that are listed, which fits on a screen, and minimum number of frames of each, as camera drivers sometimes
+/// repeat single images.
 const TOLD: usize = 5;
 const LONG: u32 = 3;
 
-/// Says for how long images stood still.
 fn tell_still(stretches: &[StillStretch]) {
     let (long, short): (Vec<_>, Vec<_>) = stretches.iter().partition(|s| s.frames >= LONG);
     for stretch in long.iter().take(TOLD) {
@@ -196,7 +189,7 @@ fn tell_still(stretches: &[StillStretch]) {
     }
 }
 
-/// Says in which frames there is no pose, and why, and in which images stood still.
+/// Prints the intervals without a pose, with reasons, and those of repeated images.
 fn tell_stretches(s: &Summary) {
     let unexplained = |l: &&LostStretch| !s.tracking.still.iter().any(|still| still.explains(l));
     for stretch in s.tracking.lost.iter().filter(unexplained) {
@@ -208,7 +201,7 @@ fn tell_stretches(s: &Summary) {
     tell_still(&s.tracking.still);
 }
 
-/// Says what went wrong, if anything did.
+/// Prints problems, if any, and returns the status.
 pub(crate) fn verdict(summary: &Summary) -> Status {
     let s = summary;
     if s.interrupted {
@@ -266,7 +259,7 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
     }
 }
 
-/// Scores of the final and the online poses. No score is no reason to lose the result.
+/// Scores of the final and the online poses. A failure to score does not discard the result.
 fn scores(truth: &[StampedPose], found: &Poses) -> Option<(Score, Score)> {
     let truth = timed(truth);
     let options = EvalOptions::default();
@@ -317,7 +310,6 @@ fn summarise(
     }
 }
 
-/// Poses as the judge takes them.
 pub(crate) fn timed(poses: &[StampedPose]) -> Vec<TimedPose> {
     poses
         .iter()

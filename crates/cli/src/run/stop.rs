@@ -1,9 +1,9 @@
-//! The wish of a listener that the run ends, since it cannot go on.
+//! A flag by which a sink ends the run.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What becomes true when a listener cannot go on.
+/// True once a sink has failed.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Stop(Arc<AtomicBool>);
 

@@ -1,4 +1,4 @@
-//! The final poses of a run by submap, and the files that they are written to.
+//! The final poses of a run by submap, and their files.
 
 use crate::output::submap_file;
 use crate::run::summary::SubmapJson;
@@ -12,13 +12,10 @@ use stillpoint::slam::{FrameState, Trajectory, TrajectoryEntry};
 /// Poses of one submap, in its own frame of reference.
 pub(crate) struct Submap {
     pub(crate) id: SubmapId,
-    /// Keyframes in the final map.
     pub(crate) keyframes: usize,
-    /// Final poses of the tracked frames.
     pub(crate) final_poses: Vec<StampedPose>,
-    /// Their frames.
     pub(crate) frames: Vec<FrameId>,
-    /// Poses as known at each frame, of those that were in this submap then.
+    /// Poses as known at each frame, of the frames that were in this submap at the time.
     pub(crate) online_poses: Vec<StampedPose>,
 }
 
@@ -36,12 +33,11 @@ impl Submap {
     }
 }
 
-/// Whether an entry's pose is to be written.
 pub(super) fn is_posed(entry: &TrajectoryEntry) -> bool {
     entry.carried || entry.inliers >= FrameState::MIN_INLIERS
 }
 
-/// The submaps as `summary.json` has them, each with the file of its poses.
+/// The submaps for `summary.json`, each with the file of its poses.
 pub(crate) fn describe(submaps: &[Submap]) -> Vec<SubmapJson> {
     submaps
         .iter()
@@ -55,15 +51,14 @@ pub(crate) fn describe(submaps: &[Submap]) -> Vec<SubmapJson> {
         .collect()
 }
 
-/// Frames with their final poses, by submap of the final map; the submap with most frames first, which is the one that a trajectory is
-/// of. Of two with as many frames the older one comes first.
+/// Frames with their final poses, by submap of the final map, largest first (of equals the oldest); the first one gives the trajectory.
 pub(crate) fn by_submap(
     trajectory: &Trajectory,
     view: &MapView,
 ) -> Vec<(SubmapId, Vec<(TrajectoryEntry, StampedPose)>)> {
     let mut found: BTreeMap<SubmapId, Vec<(TrajectoryEntry, StampedPose)>> = BTreeMap::new();
     for (entry, world_from_camera) in trajectory.smoothed(view) {
-        // Until the map holds it, a keyframe is a submap of its own.
+        // A keyframe that the map does not contain yet counts as its own submap.
         let submap = view.submap_of(entry.pose.reference);
         let submap = submap.unwrap_or(SubmapId(entry.pose.reference.0));
         if is_posed(&entry) {

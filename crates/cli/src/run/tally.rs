@@ -1,4 +1,4 @@
-//! Counts frames, whatever driver processes them, and collects the results of a pass.
+//! Counts frames under any driver, and collects the results of a pass.
 
 use crate::console::{self, counted};
 use crate::run::frames::Frames;
@@ -17,12 +17,9 @@ use stillpoint::slam::{
     CovarianceLog, Event, FrameReport, Health, RunLog, Subscriber, Timing, Trajectory,
 };
 
-/// Counts while frames go by.
 #[derive(Clone, Default)]
 pub(crate) struct Tally {
-    /// Frames that went through the system.
     pub(crate) frames: usize,
-    /// Frames that could not be read.
     pub(crate) skipped: usize,
     each: Frames,
     stages: StagesJson,
@@ -45,7 +42,7 @@ impl Subscriber for Tally {
                 self.stages.features.revoked_keyframes += u64::from(report.keyframes);
             }
             Event::Looped(report) => self.stages.loops.add(report),
-            // What is to be said of them is said above.
+            // Reported by `tell` above.
             Event::Mapped { .. } | Event::Corrected { .. } => {}
             Event::Detected(detections) => {
                 self.stages.detector.frames += 1;
@@ -54,7 +51,7 @@ impl Subscriber for Tally {
                 self.stages.detector.left_out += count.saturating_sub(MOST_DETECTIONS);
             }
             Event::DetectorFailed(e) => {
-                // The others are most likely the same; the number of them is in the report.
+                // Further failures are most likely the same; the report has their number.
                 if self.stages.detector.failed_frames == 0 {
                     console::warn(&format!("the detector failed: {e}"));
                 }
@@ -64,7 +61,7 @@ impl Subscriber for Tally {
     }
 }
 
-/// What a stage did: in words, and with every figure of it for who wants them.
+/// Logs a stage's work: a sentence, and all figures at trace level.
 fn tell(event: &Event) {
     match event {
         Event::Frame(frame) => {
@@ -119,20 +116,18 @@ impl Tally {
         self.each.take(report);
     }
 
-    /// Of a frame whose pose was measured.
+    /// Takes the covariance of a frame whose pose was measured.
     fn take_covariance(&mut self, health: &Health) {
         if let (Some(_), Some(in_map)) = (&health.covariance, &health.covariance_in_map) {
             self.covariances.note(health.frame, in_map);
         }
     }
 
-    /// Counts a frame that was refused, and says so.
     fn skip(&mut self, reason: &dyn std::fmt::Display) {
         self.skipped += 1;
         console::warn(&format!("skipped: {reason}"));
     }
 
-    /// The pass as a whole.
     pub(crate) fn close(mut self, end: End) -> Session {
         let (trajectory, view) = (&end.trajectory, end.view);
         self.each.settle(trajectory);
@@ -200,37 +195,30 @@ impl Tally {
     }
 }
 
-/// How a pass ended.
 pub(crate) struct End {
     pub(crate) trajectory: Trajectory,
-    /// The newest version of the map.
     pub(crate) view: Arc<MapView>,
-    /// The map itself; none where it cannot be used, or is not wanted.
+    /// The map itself; `None` if it is unusable or not requested.
     pub(crate) map: Option<Map>,
-    /// When the parts of a frame are exposed, as estimated in the end.
+    /// Final estimate of the exposure timing.
     pub(crate) timing: Timing,
-    /// What the detector was, without counts.
     pub(crate) detector: DetectorJson,
-    /// The user ended it early.
     pub(crate) interrupted: bool,
     /// From the first frame to the last, s.
     pub(crate) seconds: f64,
-    /// In which order the stages took their messages.
+    /// The order in which the stages took their messages.
     pub(crate) log: Option<RunLog>,
-    /// Of a replay that came to the end of its log: whether the trajectory is that of the run.
+    /// Whether the trajectory of a complete replay equals that of the run.
     pub(crate) agrees: Option<bool>,
-    /// What was measured of a live run.
     pub(crate) live: Option<Measured>,
 }
 
-/// What was measured of a live run.
 pub(crate) struct Measured {
-    /// Which frames were to be tracked, as the command line has it.
+    /// Frame selection, as on the command line.
     pub(crate) frames: &'static str,
     pub(crate) statistics: LiveStatistics,
-    /// How the threads ended.
     pub(crate) ended: Ended,
-    /// By how much frames arrived later than their stamps say, s.
+    /// Lateness of frames relative to their stamps, s.
     pub(crate) late: Vec<f64>,
 }
 

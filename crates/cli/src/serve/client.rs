@@ -1,4 +1,4 @@
-//! One connection: its request, and what it is answered.
+//! Serves one connection.
 
 use super::request::{Asked, LARGEST, Refusal, judge, read};
 use super::{CLIENTS, Counted, Shared};
@@ -7,24 +7,22 @@ use std::net::{Shutdown, TcpStream};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// How long a request may take.
 const REQUEST: Duration = Duration::from_secs(5);
-/// How long one update may take. A browser that takes longer is left; if it comes back it asks again, and knows the newest then.
+/// Time limit of one update. A slower browser is disconnected; when it reconnects it gets the newest state.
 const UPDATE: Duration = Duration::from_secs(10);
-/// Between the beginnings of two updates: fifteen a second look smooth, and as many of a camera's frames at 30 Hz have a picture for browsers.
+/// Minimum interval between updates: fifteen per second look smooth, and as many of a camera's frames at 30 Hz have an image for browsers.
 const PACE: Duration = Duration::from_millis(66);
-/// Where nothing is new, it is said so often that the connection stands, and how things are.
+/// Interval of updates without news, which keep the connection alive and carry the state of the run.
 const IDLE: Duration = Duration::from_secs(1);
 
-/// Bytes of an update that memory is kept for; the first one may be larger.
+/// Reserved size of an update, bytes; the first one may be larger.
 const ROOM: usize = 1 << 16;
 
-/// What every answer says of itself: it is not kept, not guessed at, not shown within other pages, and not read by them.
+/// Headers of every response: no caching, no content sniffing, no framing, no access from other pages.
 const HEADERS: &str = "Connection: close\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nX-Frame-Options: DENY\r\nReferrer-Policy: no-referrer\r\nCross-Origin-Resource-Policy: same-origin\r\nCross-Origin-Opener-Policy: same-origin\r\n";
 
-/// Answers one connection, to its end.
 pub(super) fn serve(mut stream: TcpStream, guest: u64, shared: &Shared) {
-    // What fails here is that the other side is gone, and there is nobody to tell.
+    // Errors here mean that the client is gone.
     let _ = stream.set_nodelay(true);
     let head = match read(&mut stream, REQUEST) {
         None => return,
@@ -74,14 +72,14 @@ fn answer(stream: &mut TcpStream, status: &str, kind: &str, body: &[u8]) -> Resu
     write_within(stream, &[head.as_bytes(), body].concat(), UPDATE)
 }
 
-/// Sends news to the listener until the run ends or the listener leaves.
+/// Sends updates until the run ends or the client leaves.
 fn tell(stream: &mut TcpStream, shared: &Shared) -> Result<()> {
     let head = format!(
         "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n{HEADERS}\r\nretry: 2000\n\n"
     );
     write_within(stream, head.as_bytes(), UPDATE)?;
     let (mut version, mut seen) = (0, None);
-    // One for all updates: fifteen a second of ever other sizes would leave holes in the memory.
+    // One buffer for all updates: many allocations of varying size would fragment memory.
     let mut text = Vec::with_capacity(ROOM);
     loop {
         let began = Instant::now();
@@ -99,12 +97,12 @@ fn tell(stream: &mut TcpStream, shared: &Shared) -> Result<()> {
     }
 }
 
-/// An event; JSON has no line ends.
+/// A server-sent event; JSON has no line breaks.
 fn event(name: &str, json: &str) -> String {
     format!("event: {name}\ndata: {json}\n\n")
 }
 
-/// Writes all of it within a time.
+/// Writes all bytes within a time limit.
 fn write_within(stream: &mut TcpStream, mut bytes: &[u8], time: Duration) -> Result<()> {
     let deadline = Instant::now() + time;
     while !bytes.is_empty() {
@@ -123,8 +121,8 @@ fn write_within(stream: &mut TcpStream, mut bytes: &[u8], time: Duration) -> Res
     Ok(())
 }
 
-/// Ends a connection so that the other side sees the answer: what it still sends is taken for a moment, because closing on it would
-/// throw the answer away.
+/// Closes a connection so that the client can read the response: reads its remaining input for a moment, because closing with unread input
+/// would discard the response.
 fn leave(stream: &mut TcpStream) {
     let _ = stream.shutdown(Shutdown::Write);
     let _ = stream.set_read_timeout(Some(Duration::from_millis(200)));

@@ -1,20 +1,21 @@
-//! Who is connected. There is room for some; one that has asked for nothing yet goes when another comes.
+//! The open connections. Their number is limited; one without a request yet is closed when another arrives.
 
 use std::collections::BTreeMap;
 use std::net::{Shutdown, TcpStream};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Connections at one time, at most: eight pages, each with the one that tells it what is new and three by which it loads (browsers open up to six to a host).
+/// Maximum number of connections: eight pages, each with its event stream and three connections for loading (browsers open up to six per
+/// host).
 pub(super) const CONNECTIONS: usize = 32;
 
-/// All connections, by the order in which they came.
+/// All connections, in order of arrival.
 #[derive(Default)]
 pub(super) struct Guests(Mutex<Book>);
 
 #[derive(Default)]
 struct Book {
     next: u64,
-    /// The other end of those that have not asked yet; nothing of the others.
+    /// A handle to those without a request yet; `None` for the others.
     guests: BTreeMap<u64, Option<TcpStream>>,
 }
 
@@ -23,14 +24,15 @@ impl Guests {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes a connection in, and gives its number. Where there is no room, the oldest that has not asked is closed for it; where all have asked, there is none.
+    /// Registers a connection and returns its number. At the limit, the oldest one without a request is closed; if there is none, returns
+    /// `None`.
     pub(super) fn admit(&self, stream: &TcpStream) -> Option<u64> {
         let mut book = self.book();
         if book.guests.len() >= CONNECTIONS {
             let oldest = book.guests.iter().find(|(_, waits)| waits.is_some());
             let oldest = *oldest?.0;
             if let Some(Some(waits)) = book.guests.remove(&oldest) {
-                // Its thread finds the connection at its end. One that is closed already is gone as well.
+                // Its thread sees the end of the connection. An error means that it is already closed.
                 let _ = waits.shutdown(Shutdown::Both);
             }
         }
@@ -40,14 +42,13 @@ impl Guests {
         Some(guest)
     }
 
-    /// A guest has asked: it stays until it is answered.
+    /// Marks a connection as having sent its request, so that it is kept.
     pub(super) fn asked(&self, guest: u64) {
         if let Some(waits) = self.book().guests.get_mut(&guest) {
             *waits = None;
         }
     }
 
-    /// A guest is gone.
     pub(super) fn leave(&self, guest: u64) {
         self.book().guests.remove(&guest);
     }

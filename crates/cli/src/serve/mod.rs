@@ -1,8 +1,8 @@
-//! Serves one page and what is new in it, to browsers that may be slow, many, or not what they say.
+//! Serves one page and its updates to browsers that may be slow, numerous or hostile.
 //!
-//! Answers: who may ask for what, and how nobody who asks holds anything up. Every connection has a thread of its own, which asks for what
-//! is new since it asked last, writes it, and asks again: a slow browser is told less often, of the newest alone, and nobody waits for
-//! it. Connections, requests and times are bounded, and connections that ask for nothing make room for new ones. Knows nothing of runs; reads no files.
+//! No client can delay the run or another client. Every connection has its own thread, which fetches the changes since its last update,
+//! writes them, and repeats: a slow browser gets fewer updates, always of the newest state. Connections, request sizes and times are
+//! limited, and idle connections give way to new ones. Independent of runs; reads no files.
 
 mod client;
 mod guests;
@@ -19,23 +19,21 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// The port where none is named. 0x5350, `SP`, is in no list of services.
+/// Default port. 0x5350, `SP`, is not registered for any service.
 const PORT: u16 = 21_328;
-/// Pages that are told what is new, at most.
+/// Maximum number of pages with updates.
 const CLIENTS: usize = 8;
-/// How long pages are waited for in the end; tests have less time.
+/// Time limit for the last update of pages at the end; shorter in tests.
 const LAST: Duration = Duration::from_millis(if cfg!(test) { 500 } else { 3000 });
 
-/// What is shown.
 pub(crate) trait Feed: Send + Sync + 'static {
-    /// Appends what is new since a version, as JSON in one line; with 0 all that there is. Gives the version that is known with it.
+    /// Appends the changes since a version, as JSON in one line; everything for version 0. Returns the version reached.
     fn since(&self, version: u64, json: &mut Vec<u8>) -> u64;
 }
 
-/// Where a page is served: `ADDR:PORT`, `ADDR`, or `PORT`.
+/// Address to serve at: `ADDR:PORT`, `ADDR`, or `PORT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Place {
-    /// A number, or a name.
     host: String,
     port: Option<u16>,
 }
@@ -91,7 +89,7 @@ impl FromStr for Place {
 }
 
 impl Place {
-    /// Takes the port. Where none was named and the usual one is taken, another one will do.
+    /// Binds the port. If none was given and the default one is taken, uses any free port.
     fn bind(&self) -> Result<TcpListener, Failure> {
         let port = self.port.unwrap_or(PORT);
         let addresses: Vec<SocketAddr> = (&*self.host, port)
@@ -117,30 +115,28 @@ impl Place {
     }
 }
 
-/// What all connections share.
 struct Shared {
     feed: Arc<dyn Feed>,
     html: String,
-    /// What the user called this place, where it is a name.
+    /// The host name that the user gave, if any.
     name: String,
-    /// What every path begins with: a token that others than this machine cannot guess, or nothing.
+    /// Prefix of all paths: a secret token if other machines can connect, else empty.
     root: String,
     signal: Mutex<Signal>,
     changed: Condvar,
-    /// Pages that are told what is new.
+    /// Number of pages with updates.
     clients: AtomicUsize,
     guests: Guests,
 }
 
-/// The last event: its name and its data.
 type Last = Arc<Option<(&'static str, String)>>;
 
 #[derive(Default)]
 struct Signal {
-    /// Counts what is new.
+    /// Number of changes.
     count: u64,
     last: Last,
-    /// Nobody else is let in.
+    /// No further clients are admitted.
     closed: bool,
 }
 
@@ -149,7 +145,7 @@ impl Shared {
         self.signal.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for a change that a client at count `seen` does not know, at most for `time`. Returns the last event once there is one.
+    /// Waits up to `time` for a change after count `seen`. Returns the last event once there is one.
     fn wait(&self, seen: &mut Option<u64>, time: Duration) -> Last {
         let waits = |s: &mut Signal| *seen == Some(s.count) && s.last.is_none();
         let signal = self.changed.wait_timeout_while(self.signal(), time, waits);
@@ -159,7 +155,6 @@ impl Shared {
     }
 }
 
-/// A server. It ends when it is dropped.
 pub(crate) struct Server {
     shared: Arc<Shared>,
     address: SocketAddr,
@@ -167,7 +162,7 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Begins to serve a page. `prepare` is called on the thread that all others are started from.
+    /// Starts the server. `prepare` is called on the thread that starts all others.
     pub(crate) fn start(
         place: &Place,
         html: String,
@@ -209,7 +204,7 @@ impl Server {
         })
     }
 
-    /// What to open in a browser: from another machine too, where others than this one reach it.
+    /// URL for a browser; one that other machines can use if they can connect.
     pub(crate) fn url(&self) -> String {
         let Shared { name, root, .. } = &*self.shared;
         let mut at = self.address;
@@ -222,23 +217,20 @@ impl Server {
         }
     }
 
-    /// Whether others than this machine reach it.
     pub(crate) fn is_open(&self) -> bool {
         !self.address.ip().is_loopback()
     }
 
-    /// Whether anybody looks.
     pub(crate) fn is_watched(&self) -> bool {
         self.shared.clients.load(Ordering::Relaxed) > 0
     }
 
-    /// Says that something is new.
     pub(crate) fn wake(&self) {
         self.shared.signal().count += 1;
         self.shared.changed.notify_all();
     }
 
-    /// Tells all pages the last thing: an event's name, and its data as JSON in one line. Nothing comes after it.
+    /// Sends the last event to all pages: its name, and its data as JSON in one line.
     pub(crate) fn end(&self, name: &'static str, json: String) {
         let mut signal = self.shared.signal();
         if signal.last.is_none() {
@@ -247,7 +239,7 @@ impl Server {
         self.shared.changed.notify_all();
     }
 
-    /// Waits until all pages know the last thing, for some seconds at most.
+    /// Waits until all pages have the last event, up to a time limit.
     fn wait_for_pages(&self) {
         let deadline = Instant::now() + LAST;
         while self.is_watched() && Instant::now() < deadline {
@@ -255,7 +247,7 @@ impl Server {
         }
     }
 
-    /// An address by which this machine itself gets here.
+    /// An address by which this machine reaches the server.
     fn reached(&self) -> SocketAddr {
         let mut address = self.address;
         match address.ip() {
@@ -275,7 +267,7 @@ impl Drop for Server {
         );
         self.wait_for_pages();
         self.shared.signal().closed = true;
-        // The thread looks up when somebody comes.
+        // The thread checks the flag when a client connects.
         if TcpStream::connect_timeout(&self.reached(), LAST).is_ok()
             && let Some(accepting) = self.accepting.take()
         {
@@ -284,14 +276,14 @@ impl Drop for Server {
     }
 }
 
-/// Lets connections in, each to a thread of its own.
+/// Accepts connections, each on its own thread.
 fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
     for stream in listener.incoming() {
         if shared.signal().closed {
             return;
         }
         let Ok(stream) = stream else {
-            // No more files may be opened, or somebody left at once.
+            // Too many open files, or a client that left at once.
             std::thread::sleep(Duration::from_millis(50));
             continue;
         };
@@ -301,7 +293,7 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
         let own = Arc::clone(shared);
         let thread = std::thread::Builder::new().name("view-client".to_owned());
         let started = thread.spawn(move || {
-            // Also where the connection panics.
+            // Also on panic.
             let _leaves = Leaves(&own.guests, guest);
             client::serve(stream, guest, &own);
         });
@@ -311,7 +303,7 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
     }
 }
 
-/// A guest, for as long as it is there.
+/// Removes a connection on drop.
 struct Leaves<'a>(&'a Guests, u64);
 
 impl Drop for Leaves<'_> {
@@ -320,7 +312,7 @@ impl Drop for Leaves<'_> {
     }
 }
 
-/// One of a number, for as long as it is there.
+/// Decrements the counter on drop.
 struct Counted<'a>(&'a AtomicUsize);
 
 impl Drop for Counted<'_> {
@@ -340,8 +332,8 @@ fn token() -> Result<String, Failure> {
     Ok(bits.iter().map(|b| format!("{b:02x}")).collect())
 }
 
-/// An address by which other machines reach this one: that of a network card, of the same kind as the unspecified address that was listened on. IPv6 takes IPv4 in
-/// too, whose addresses are easier to type.
+/// An address by which other machines reach this one: that of a network interface, of the same family as the unspecified address. IPv6 also
+/// accepts IPv4, whose addresses are easier to type.
 fn address_for_others(unspecified: IpAddr) -> Option<IpAddr> {
     let cards = if_addrs::get_if_addrs().unwrap_or_default();
     let mut found: Vec<IpAddr> = cards
@@ -350,7 +342,7 @@ fn address_for_others(unspecified: IpAddr) -> Option<IpAddr> {
         .map(if_addrs::Interface::ip)
         .filter(|ip| ip.is_ipv4() || unspecified.is_ipv6())
         .collect();
-    // Bridges of containers usually come after the cards of the machine.
+    // Container bridges usually come after the physical interfaces.
     found.sort_by_key(IpAddr::is_ipv6);
     found.first().copied()
 }

@@ -1,28 +1,23 @@
-//! What a browser may ask for, and who may ask: one page and its events, by GET, from the page itself.
+//! Validates requests: one page and its events, by GET, from the page itself.
 //!
-//! A page of somebody else must not read the camera's pictures through the user's browser. It cannot name this server in its own
-//! name: `Host` must be an address, `localhost`, or the name that the user gave, so that no foreign name can be made to lead here (DNS rebinding), and
-//! `Origin`, where there is one, must be the page's own.
+//! A foreign page must not read the camera's images through the user's browser. Therefore `Host` must be an address, `localhost`, or the
+//! name that the user gave, against DNS rebinding, and `Origin`, if present, must be the page's own.
 
 use std::io::{ErrorKind, Read};
 use std::net::{IpAddr, TcpStream};
 use std::time::{Duration, Instant};
 
-/// Bytes of a request, at most: browsers send less than one kilobyte.
+/// Maximum size of a request, bytes: browsers send less than one kilobyte.
 pub(super) const LARGEST: usize = 8 * 1024;
-/// Headers of a request, at most.
 const MOST_HEADERS: usize = 64;
 
-/// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Asked {
-    /// The page.
     Page,
-    /// What is new, as it comes.
     Events,
 }
 
-/// Why a request is refused: the status, and what to do.
+/// A refusal: the status, and advice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Refusal(pub(super) &'static str, pub(super) &'static str);
 
@@ -60,7 +55,7 @@ const SLOW: Refusal = Refusal(
     "expected a whole request within seconds",
 );
 
-/// Reads a request up to its empty line. Returns none if the client left before that.
+/// Reads a request up to its empty line. `None` if the client left before that.
 pub(super) fn read(stream: &mut TcpStream, patience: Duration) -> Option<Result<Vec<u8>, Refusal>> {
     let deadline = Instant::now() + patience;
     let (mut head, mut buffer) = (Vec::new(), [0; 2048]);
@@ -72,7 +67,7 @@ pub(super) fn read(stream: &mut TcpStream, patience: Duration) -> Option<Result<
         match stream.read(&mut buffer) {
             Ok(0) => return None,
             Ok(n) => {
-                // The end may lie over the seam.
+                // The terminator may span two reads.
                 let from = head.len().saturating_sub(3);
                 head.extend_from_slice(&buffer[..n]);
                 if head[from..].windows(4).any(|w| w == b"\r\n\r\n") {
@@ -89,7 +84,7 @@ pub(super) fn read(stream: &mut TcpStream, patience: Duration) -> Option<Result<
     }
 }
 
-/// What a request asks for, if it may. `name` is what the user called this place, `root` what all paths begin with.
+/// Resolves and authorises a request. `name` is the host name that the user gave, `root` the prefix of all paths.
 pub(super) fn judge(head: &[u8], name: &str, root: &str) -> Result<Asked, Refusal> {
     if head.len() > LARGEST {
         return Err(TOO_LARGE);
@@ -136,7 +131,7 @@ pub(super) fn judge(head: &[u8], name: &str, root: &str) -> Result<Asked, Refusa
         "/events" => Asked::Events,
         _ => return Err(PATH),
     };
-    // Anybody may link to the page; only the page may ask for what is in it.
+    // Other sites may link to the page; only the page itself may fetch its events.
     let from_elsewhere = |site: &str| !matches!(site, "same-origin" | "none");
     if asked == Asked::Events && all("Sec-Fetch-Site").any(from_elsewhere) {
         return Err(ORIGIN);
@@ -144,7 +139,7 @@ pub(super) fn judge(head: &[u8], name: &str, root: &str) -> Result<Asked, Refusa
     Ok(asked)
 }
 
-/// The rest of a path that begins with a root; how much of it is right cannot be told from the time that this takes.
+/// The rest of a path after `root`, compared in constant time.
 fn within<'a>(path: &'a str, root: &str) -> Option<&'a str> {
     let (begin, rest) = path.split_at_checked(root.len())?;
     let pairs = begin.bytes().zip(root.bytes());
@@ -152,8 +147,8 @@ fn within<'a>(path: &'a str, root: &str) -> Option<&'a str> {
     (differs == 0).then_some(rest)
 }
 
-/// Whether a `Host` is this place: a number, which nobody can have lead elsewhere, `localhost`, or the name that the user gave. The port
-/// may be any: a program that forwards connections to this one has its own.
+/// Whether a `Host` is allowed: an IP address, which no one else can redirect, `localhost`, or the name that the user gave. Any port is
+/// allowed, as port forwarding changes it.
 fn is_here(host: &str, name: &str) -> bool {
     let is_port = |p: &str| !p.is_empty() && p.len() <= 5 && p.bytes().all(|b| b.is_ascii_digit());
     if let Some(rest) = host.strip_prefix('[') {

@@ -1,4 +1,4 @@
-//! Browsers that are slow, gone, too many, or no browsers at all.
+//! Tests with browsers that are slow, gone, too many, or not browsers at all.
 
 use super::guests::CONNECTIONS;
 use super::*;
@@ -46,10 +46,9 @@ impl Served {
         stream
     }
 
-    /// Sends a text, and gives the whole answer.
     fn ask(&self, text: &str) -> String {
         let mut stream = self.connect();
-        // A server that refuses does not have to take all of it.
+        // A server that refuses does not have to read all of it.
         let _ = stream.write_all(text.as_bytes());
         let mut answer = String::new();
         let _ = stream.read_to_string(&mut answer);
@@ -69,7 +68,7 @@ impl Served {
     }
 }
 
-/// Waits until something holds; what a thread does takes its time on a machine that is busy.
+/// Waits until a condition holds, as threads may be slow on a busy machine.
 fn until(what: &str, holds: impl Fn() -> bool) {
     let deadline = Instant::now() + Duration::from_secs(30);
     while !holds() {
@@ -78,7 +77,6 @@ fn until(what: &str, holds: impl Fn() -> bool) {
     }
 }
 
-/// A page.
 struct Listener(BufReader<TcpStream>);
 
 impl Listener {
@@ -126,7 +124,7 @@ fn a_page_is_shown_and_told_what_is_new() {
     assert!(served.server.is_watched());
     served.step();
     for page in &mut pages {
-        // What was known is what is asked from.
+        // Later updates start from the known version.
         let mut known = 1;
         while known < 2 {
             let (_, update) = page.next().unwrap();
@@ -195,7 +193,7 @@ fn more_pages_than_there_is_room_for_are_told_so() {
         one_more.starts_with("HTTP/1.1 503") && one_more.contains("close another"),
         "{one_more}"
     );
-    // Where one left there is room again.
+    // A client that leaves makes room.
     drop(pages.pop());
     let one_less = || served.server.shared.clients.load(Ordering::Relaxed) < CLIENTS;
     until("the page that left is noticed", || {
@@ -269,13 +267,13 @@ fn a_page_for_others_has_an_address_that_they_can_use_and_cannot_guess() {
     assert!(ask("/").starts_with("HTTP/1.1 404"));
     assert!(ask("/events").starts_with("HTTP/1.1 404"));
     assert!(ask(&format!("/{path}")).ends_with("<p>page</p>"));
-    // Control: this machine alone needs none.
+    // Control: on the loopback interface there is no token.
     assert!(open("127.0.0.1").url().ends_with("/") && open("127.0.0.1").shared.root.is_empty());
 }
 
 #[test]
 fn a_page_that_takes_nothing_holds_nobody_up() {
-    // Some updates fill what the system keeps for a connection.
+    // A few updates fill the system's send buffer.
     let served = serve(1_000_000);
     let stopped = served.listen();
     let mut page = served.listen();
@@ -293,9 +291,9 @@ fn a_page_that_takes_nothing_holds_nobody_up() {
         assert_eq!(update["from"], known);
         known = update["to"].as_u64().unwrap();
     }
-    // One that waited for it would take the ten seconds that it is given.
+    // A server that waited for the stopped page would need its full ten seconds.
     assert!(slowest < Duration::from_secs(5) && began.elapsed() < Duration::from_secs(60));
-    // In the end it is waited for, but not for long.
+    // At the end the page is waited for only briefly.
     let ends = Instant::now();
     served.server.end("end", "1".to_owned());
     drop(page);

@@ -1,4 +1,4 @@
-//! `--dense`: surface and grids of what stands still, fused while a run goes on.
+//! `--dense`: fuses the static scene into a surface and grids during a run.
 
 use crate::console;
 use crate::dense::{Fused, Logged};
@@ -16,25 +16,24 @@ use stillpoint::live::Watch;
 use stillpoint::map::MapView;
 use stillpoint::slam::{Event, Subscriber};
 
-/// Least time between two looks at the surface during a run.
+/// Minimum interval between updates of the displayed surface.
 const SHOWN: Duration = Duration::from_secs(3);
-/// Least time between two looks at the surface, as a multiple of the time that one look takes: looks use at most 5 % of a core.
+/// Minimum interval between those updates as a multiple of their duration: they use at most 5 % of a core.
 const SHOWN_SHARE: u32 = 20;
 
-/// What is asked for.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct DenseOutput {
-    /// Fuse what stands still into a surface: mesh.ply and mesh.glb in the result folder, and a floor plan for ROS 2's map_server
-    /// (grid.pgm, grid.yaml) where the floor was seen. What moves is not in it. --save-map keeps it in the map, for map mesh,
-    /// map grid and map octomap.
+    /// Fuse the static scene into a surface: mesh.ply and mesh.glb in the result folder, and a floor plan for ROS 2's map_server (grid.pgm,
+    /// grid.yaml) where the floor was seen. Moving objects are left out. --save-map stores the surface in the map, for map mesh, map grid
+    /// and map octomap.
     #[arg(long, verbatim_doc_comment)]
     pub(crate) dense: bool,
-    /// Distance between the points at which the surface is stored, m [default: 0.02].
+    /// Voxel size of the surface, m [default: 0.02].
     #[arg(long, value_name = "M", requires = "dense", value_parser = voxel)]
     pub(crate) voxel: Option<f64>,
 }
 
-/// A distance between voxels, m.
+/// Parses a voxel size, m.
 pub(crate) fn voxel(text: &str) -> Result<f64, String> {
     let m = text.parse().ok();
     m.filter(|m| (0.005..=0.2).contains(m))
@@ -70,35 +69,26 @@ impl Output for DenseOutput {
     }
 }
 
-/// How it is fused.
 #[derive(Default)]
 pub(crate) struct Wish {
-    /// m.
     pub(crate) voxel: Option<f64>,
-    /// What was fused before, from the map that the run begins with.
     pub(crate) known: Option<DenseMap>,
     /// Which classes of objects move by themselves.
     pub(crate) weights: MotionWeights,
-    /// Ids that the map had before.
+    /// Number of keyframe ids in the initial map.
     pub(crate) keyframes: usize,
-    /// What a run fused that is repeated.
     pub(crate) logged: Option<Logged>,
 }
 
-/// Fuses while frames go by.
 pub(crate) struct Fusion {
-    /// None once it is finished.
     dense: Option<Dense>,
-    /// Largest amount of memory held, bytes.
     most_bytes: usize,
-    /// Where it is shown while the run goes on.
     window: SurfaceWindow,
-    /// When it may be shown again.
+    /// Earliest time of the next display.
     next_shown: Option<Instant>,
 }
 
 impl Fusion {
-    /// Before the first frame of a camera.
     pub(crate) fn new(wish: Wish, camera: &Camera, simd: Simd) -> Result<Self, Failure> {
         let known = wish.known.as_ref();
         let logged = wish.logged.as_ref().map(|l| l.voxel);
@@ -132,13 +122,12 @@ impl Fusion {
         })
     }
 
-    /// The same, with the window in which the surface is shown as it grows.
     fn shown_in(mut self, window: SurfaceWindow) -> Self {
         self.window = window;
         self
     }
 
-    /// Shows the surface, where it is time to and somebody looks.
+    /// Updates the display, if it is due and a page is open.
     fn show(&mut self) {
         let began = Instant::now();
         let is_due = self.next_shown.is_none_or(|next| began >= next);
@@ -176,7 +165,7 @@ impl Sink for Fusion {
         Ok(())
     }
 
-    /// All that is kept at the final poses.
+    /// Re-integrates all kept frames at their final poses.
     fn settle(&mut self, ended: &mut Ended<'_>) -> Result<(), Failure> {
         let _span = tracing::info_span!("fuse").entered();
         self.note_memory();
@@ -192,7 +181,7 @@ impl Sink for Fusion {
         Ok(())
     }
 
-    /// Mesh and plan go into the result.
+    /// Writes mesh and plan into the result folder.
     fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
         match (&mut ended.folder, ended.found.shelf.get::<Fused>()) {
             (Some(folder), Some(fused)) => fused.write(folder),

@@ -1,4 +1,4 @@
-//! `--save-map`: the map, when the run ends.
+//! `--save-map`: saves the map when the run ends.
 
 use crate::console;
 use crate::failure::Failure;
@@ -9,11 +9,10 @@ use std::path::{Path, PathBuf};
 
 const OPTION: &str = "--save-map";
 
-/// What is asked for.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct SaveMapOutput {
-    /// Write the map to this file when the run ends, also when Ctrl-C or an error ends it: see map --help. An older file is replaced only
-    /// by a whole one.
+    /// Save the map to this file when the run ends, also after Ctrl-C or an error: see map --help. An existing file is replaced only by a
+    /// complete one.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     pub(crate) save_map: Option<PathBuf>,
 }
@@ -34,7 +33,7 @@ impl Output for SaveMapOutput {
 struct MapSink(MapOutput);
 
 impl Sink for MapSink {
-    /// Saves the map with what other sinks keep in it. What was found until then is worth having even when the map cannot be saved.
+    /// Saves the map with the extensions of other sinks. A failure to save does not discard the result.
     fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
         let more = std::mem::take(&mut ended.found.extensions);
         let saved = match &ended.session.map {
@@ -50,7 +49,7 @@ impl Sink for MapSink {
         Ok(())
     }
 
-    /// Saves the map of a run that cannot go on, so that the user can continue from it. All other results are lost.
+    /// Saves the map of a failed run, so that the user can continue from it. All other results are lost.
     fn rescue(self: Box<Self>, left: &Left<'_>) {
         let map = left.map.filter(|m| m.view().keyframe_count() > 0);
         let Some(map) = map.filter(|_| left.frames > 0) else {

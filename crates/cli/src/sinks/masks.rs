@@ -1,4 +1,4 @@
-//! `--masks`: what moves in each frame, as an image.
+//! `--masks`: writes the moving regions of each frame as an image.
 
 use crate::failure::Failure;
 use crate::output::ResultFolder;
@@ -14,11 +14,10 @@ use stillpoint::view::write_mask;
 
 const OPTION: &str = "--masks";
 
-/// What is asked for.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct MasksOutput {
-    /// Write a mask of every frame as PNG of 8 bits, named by its timestamp: 255 where the scene moves, 0 where it stands
-    /// still. A live run leaves out those that it has no time for.
+    /// Write a mask of every frame as 8-bit PNG, named by its timestamp: 255 where the scene moves, 0 where it is static. A live run skips
+    /// masks when it lacks the time.
     #[arg(long, value_name = "DIR", verbatim_doc_comment)]
     pub(crate) masks: Option<PathBuf>,
 }
@@ -41,7 +40,6 @@ impl Output for MasksOutput {
     }
 }
 
-/// A folder of masks in the making.
 struct MaskFolder {
     out: PathBuf,
     folder: ResultFolder,
@@ -57,7 +55,7 @@ impl Sink for MaskFolder {
         let Some(event) = event.as_frame() else {
             return Ok(());
         };
-        // Live, the image is gone where too many wait.
+        // In a live run the image is missing where too many are queued.
         let Some(frame) = &event.frame else {
             return Ok(());
         };
@@ -81,7 +79,7 @@ impl MaskFolder {
         })
     }
 
-    /// Writes the mask of a frame, under the stamp of its colour image.
+    /// Writes the mask of a frame, named by the stamp of its colour image.
     fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) -> Result<(), Failure> {
         let name = format!("{:.6}.png", report.stamp);
         let mut png = Vec::new();
@@ -92,7 +90,7 @@ impl MaskFolder {
     }
 }
 
-/// The files that a folder of masks may hold: an older result's are removed.
+/// Names of mask files; those of an older result are removed.
 fn is_ours(name: &str) -> bool {
     let digits = |part: &str| part.bytes().all(|b| b.is_ascii_digit());
     let stamp = name.strip_suffix(".png").and_then(|s| s.split_once('.'));

@@ -1,5 +1,4 @@
-//! The list of all outputs. A further one is a file here, with its options ([`Output`]) and what it does ([`Sink`]), and a line in the list; of the
-//! rest of the program nothing changes.
+//! The list of all outputs. To add one, write a file here with its options ([`Output`]) and its [`Sink`], and add it to the list.
 
 pub(crate) mod dense;
 pub(crate) mod folder;
@@ -22,7 +21,6 @@ use std::path::Path;
 
 macro_rules! outputs {
     ($($module:ident: $output:ident,)*) => {
-        /// What is written, and where to.
         #[derive(Clone, Debug, Default, clap::Args)]
         pub(crate) struct OutputArgs {
             $(
@@ -32,13 +30,11 @@ macro_rules! outputs {
         }
 
         impl OutputArgs {
-            /// All of them, in the order of the list.
             fn all(&self) -> Vec<&dyn Output> {
                 vec![$(&self.$module),*]
             }
         }
 
-        /// The names of their options' groups.
         #[cfg(test)]
         pub(crate) const GROUPS: &[&str] = &[$(stringify!($output)),*];
     };
@@ -63,14 +59,14 @@ outputs! {
 }
 
 impl OutputArgs {
-    /// Begins all that are asked for.
+    /// Starts all requested outputs.
     ///
     /// # Errors
-    /// The first that cannot be begun.
+    /// The first that cannot be started.
     pub(crate) fn begin(&self, start: &mut Start<'_>) -> Result<Sinks, Failure> {
         let all = self.all();
         let mut sinks: Vec<Option<Box<dyn Sink>>> = all.iter().map(|_| None).collect();
-        // Folders first: the files may lie in one of them.
+        // Folders first: files may lie in one of them.
         for folders in [true, false] {
             for (output, sink) in all.iter().zip(&mut sinks) {
                 if output.folders().is_empty() != folders {
@@ -81,17 +77,16 @@ impl OutputArgs {
         Ok(Sinks(sinks.into_iter().flatten().collect()))
     }
 
-    /// The files that are written beside the result, by the options that name them.
+    /// Files written outside the result folder, by option.
     pub(crate) fn files(&self) -> Vec<(&'static str, &Path)> {
         self.all().iter().flat_map(|o| o.files()).collect()
     }
 
-    /// The folders that are filled beside the result, by the options that name them.
+    /// Folders filled outside the result folder, by option.
     pub(crate) fn folders(&self) -> Vec<(&'static str, &Path)> {
         self.all().iter().flat_map(|o| o.folders()).collect()
     }
 
-    /// Whether any of them looks at the colours of frames.
     pub(crate) fn wants_colour(&self) -> bool {
         self.all().iter().any(|o| o.wants_colour())
     }
@@ -103,7 +98,7 @@ mod tests {
     use crate::args::{Arguments, Command};
     use clap::{Arg, CommandFactory, Parser};
 
-    /// Else two outputs could take each other's place, or that of the input.
+    /// Otherwise two outputs could replace each other, or the input.
     #[test]
     fn every_file_and_folder_that_an_option_names_is_known_before_the_run() {
         let mut arguments = Arguments::command();

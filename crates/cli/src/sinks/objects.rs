@@ -1,4 +1,4 @@
-//! `--objects`: the objects of each frame, as a table.
+//! `--objects`: writes the objects of each frame as a table.
 
 use crate::failure::Failure;
 use crate::output::StreamedFile;
@@ -12,19 +12,17 @@ use stillpoint::live::Watch;
 use stillpoint::map::MapView;
 use stillpoint::slam::{Event, FrameReport};
 
-/// The columns before the covariance: colour stamp, s; number and class of the object; how sure it is, and whether it moves; box in raw
-/// pixels; position, m, and velocity, m/s, in the world of the online trajectory.
+/// The columns before the covariance: colour stamp, s; id and class of the object; score, track state and motion state; box in raw pixels;
+/// position, m, and velocity, m/s, in the world of the online trajectory.
 const HEADER: &str = "timestamp,id,class,score,state,motion,x0,y0,x1,y1,px,py,pz,vx,vy,vz";
-/// The six values that the covariance is of.
 const NAMES: [&str; 6] = ["px", "py", "pz", "vx", "vy", "vz"];
 
 const OPTION: &str = "--objects";
 
-/// What is asked for.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct ObjectsOutput {
-    /// Write the objects of every frame: number, class, state, motion (moving, parked, unknown), box (raw pixels), position (m),
-    /// velocity (m/s) and their covariance, in the world of trajectory_online.txt; what is not known is left empty.
+    /// Write the objects of every frame: id, class, state, motion (moving, parked, unknown), box (raw pixels), position (m), velocity (m/s)
+    /// and their covariance, in the world of trajectory_online.txt; unknown values are left empty.
     #[arg(long, value_name = "FILE.csv", verbatim_doc_comment)]
     pub(crate) objects: Option<PathBuf>,
 }
@@ -42,7 +40,6 @@ impl Output for ObjectsOutput {
     }
 }
 
-/// The table in the making, written row by row as frames go by.
 #[derive(Debug)]
 struct ObjectFile {
     file: StreamedFile,
@@ -82,7 +79,7 @@ impl ObjectFile {
         })
     }
 
-    /// One row per object of a frame that is sure to be one.
+    /// One row per object of a frame that is not tentative.
     fn add(&mut self, report: &FrameReport) -> Result<(), Failure> {
         let objects = report.objects.iter();
         let sure: Vec<&Object> = objects
@@ -123,7 +120,7 @@ fn row(stamp: f64, object: &Object) -> String {
         "{stamp:.6},{},{},{:.3},{state},{motion},{:.2},{:.2},{:.2},{:.2}",
         object.id.0, object.class, object.score, b.x0, b.y0, b.x1, b.y1
     );
-    // What is not known is left empty.
+    // Unknown values are left empty.
     for vector in [object.position, object.velocity] {
         for i in 0..3 {
             row += &vector.map_or_else(|| ",".to_owned(), |v| format!(",{:.4}", v[i]));

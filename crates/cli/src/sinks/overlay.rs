@@ -1,4 +1,4 @@
-//! `--overlay`: frames with what the system saw drawn over them, and an animation of them.
+//! `--overlay`: draws features, objects and state into frames, and makes an animation.
 
 use crate::failure::Failure;
 use crate::output::ResultFolder;
@@ -18,22 +18,21 @@ pub(crate) use stillpoint::view::{Style, picture};
 
 const OPTION: &str = "--overlay";
 const ANIMATION: &str = "animation.gif";
-/// What older results hold in its place.
+/// Animation file of older versions.
 const OLD_ANIMATION: &str = "animation.png";
-/// Pictures per second of an animation, at most: that looks smooth enough.
+/// Maximum number of images per second of an animation: smooth enough.
 const SMOOTH: f64 = 10.0;
-/// Pictures of an animation, at most: some 20 MB. Longer recordings show fewer per second.
+/// Maximum number of images of an animation: some 20 MB. Longer recordings show fewer per second.
 const LONGEST: f64 = 400.0;
 
-/// Which objects are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Labels {
-    /// Every object, also guesses and objects that stand still.
+    /// Every object, including tentative and static ones.
     All,
-    /// Confirmed objects of classes that move by themselves, and whatever else is seen moving.
+    /// Confirmed objects of classes that move by themselves, and any object seen moving.
     #[default]
     Movers,
-    /// The same without their names.
+    /// Like `movers`, without names.
     None,
 }
 
@@ -47,19 +46,18 @@ impl From<Labels> for stillpoint::view::Labels {
     }
 }
 
-/// What is asked for.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct OverlayOutput {
-    /// Write frames as PNG, and an animation of them as GIF, with features, objects and state drawn over them. A legend
-    /// in each picture says what the marks mean. Boxes are dashed where an object is predicted without a detection; a
-    /// speed is shown only where the object moves and the speed is above its own standard deviation.
+    /// Write frames as PNG, and an animation of them as GIF, with features, objects and state drawn over them. Each image has a legend.
+    /// Boxes are dashed where an object is predicted without a detection; a speed is shown only where the object moves and the speed
+    /// exceeds its standard deviation.
     #[arg(long, value_name = "DIR", verbatim_doc_comment)]
     pub(crate) overlay: Option<PathBuf>,
-    /// Draw every N-th frame only.
+    /// Draw only every N-th frame.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "overlay", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) overlay_every: u32,
-    /// Which objects are drawn: every one (guesses that nothing confirmed, and furniture, too), only confirmed people and what else moves, or
-    /// these without their names.
+    /// Which objects are drawn: all (including tentative ones and furniture), only confirmed people and other moving objects, or these
+    /// without their names.
     #[arg(long, value_name = "WHICH", value_enum, default_value_t = Labels::Movers, requires = "overlay")]
     pub(crate) overlay_labels: Labels,
 }
@@ -92,7 +90,7 @@ impl Output for OverlayOutput {
     }
 }
 
-/// Frames per second; 30 where the stamps do not tell.
+/// Frames per second; 30 where the stamps do not determine it.
 fn rate(stamps: &[(f64, f64)]) -> f64 {
     let (Some((first, _)), Some((last, _))) = (stamps.first(), stamps.last()) else {
         return 30.0;
@@ -110,7 +108,7 @@ impl Sink for OverlayFolder {
         Some(Subscription::to_images(OVERLAY, self.every))
     }
 
-    /// Draws every so many frames that were tracked. A live run brings a frame without its image where drawing falls behind.
+    /// Draws every n-th tracked frame. In a live run a frame comes without its image where drawing falls behind.
     fn receive(&mut self, event: &Event) -> Result<(), Failure> {
         let Some(tracked) = event.as_frame() else {
             return Ok(());
@@ -126,7 +124,6 @@ impl Sink for OverlayFolder {
         }
     }
 
-    /// Ends the animation and puts everything where it belongs.
     fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
         let pictures = self.drawn;
         self.animation
@@ -142,12 +139,10 @@ impl Sink for OverlayFolder {
     }
 }
 
-/// A folder of pictures in the making.
 struct OverlayFolder {
     out: PathBuf,
     folder: ResultFolder,
     every: usize,
-    /// Frames that went by.
     seen: usize,
     drawn: usize,
     style: Style,
@@ -155,7 +150,7 @@ struct OverlayFolder {
 }
 
 impl OverlayFolder {
-    /// Begins to draw every `every`-th of `frames` frames, of which there are `rate` per second.
+    /// Starts the folder for every `every`-th of `frames` frames, at `rate` frames per second.
     fn create(
         out: &Path,
         every: usize,
@@ -184,7 +179,6 @@ impl OverlayFolder {
         })
     }
 
-    /// Draws a frame.
     fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) -> Result<(), Failure> {
         let picture = picture(frame, report, &self.style);
         let name = format!("{:06}.png", report.frame.0);
@@ -197,7 +191,7 @@ impl OverlayFolder {
     }
 }
 
-/// The files that a folder of pictures may hold: an older result's are removed.
+/// Names of image files; those of an older result are removed.
 fn is_ours(name: &str) -> bool {
     let frame = |number: &str| number.len() >= 6 && number.bytes().all(|b| b.is_ascii_digit());
     [ANIMATION, OLD_ANIMATION].contains(&name) || name.strip_suffix(".png").is_some_and(frame)

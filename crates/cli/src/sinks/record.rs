@@ -1,4 +1,4 @@
-//! `--record`: what a run finds, as messages of ROS 2 in an MCAP file.
+//! `--record`: writes the results of a run as ROS 2 messages in an MCAP file.
 
 use crate::dense::Fused;
 use crate::failure::Failure;
@@ -16,26 +16,25 @@ use stillpoint::ros_events::{FrameNames, Outgoing, Publisher, Topic};
 use stillpoint::slam::Event;
 use stillpoint::view::write_jpeg;
 
-/// Between points of the surface, m: a cell of the coarse grid.
+/// Spacing of the surface points, m: a cell of the coarse grid.
 const SPACING: f64 = 0.05;
-/// Quality of the pictures, percent: marks stay sharp.
+/// JPEG quality of the images, percent, at which marks stay sharp.
 const QUALITY: u8 = 80;
 
-/// What is asked for.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct RecordOutput {
-    /// Write what is found to this file, as messages of ROS 2 with the axes of REP-103: transforms map -> odom -> camera_link, odometry,
-    /// path, landmarks, objects, health, and frames with what the static filter said of them. Foxglove, Rerun, PlotJuggler
-    /// and ros2 bag play open it. live realsense writes the camera's frames into it too; run and replay read them.
+    /// Record the results to this file, as ROS 2 messages with the axes of REP-103: transforms map -> odom -> camera_link, odometry, path,
+    /// landmarks, objects, health, and frames with the static filter's verdicts. Foxglove, Rerun, PlotJuggler and ros2 bag play open it.
+    /// live realsense writes the camera's frames into it too; run and replay read them.
     #[arg(long, value_name = "FILE.mcap", verbatim_doc_comment)]
     pub(crate) record: Option<PathBuf>,
-    /// Write no pictures into the file of --record.
+    /// Write no images into the file of --record.
     #[arg(long, requires = "record")]
     pub(crate) no_record_images: bool,
 }
 
 impl Output for RecordOutput {
-    /// In a recorder that a camera writes to as well, where one is on the shelf.
+    /// Uses a recorder that the camera also writes to, if there is one.
     fn begin(&self, start: &mut Start<'_>) -> Result<Option<Box<dyn Sink>>, Failure> {
         let Some(path) = &self.record else {
             return Ok(None);
@@ -61,7 +60,6 @@ impl Output for RecordOutput {
     }
 }
 
-/// A recorder that a camera and a run write to.
 #[derive(Clone, Debug)]
 pub(crate) struct SharedRecorder(Arc<Mutex<Option<McapRecorder>>>);
 
@@ -70,7 +68,7 @@ impl SharedRecorder {
         Self(Arc::new(Mutex::new(Some(recorder))))
     }
 
-    /// Lets `write` append; nothing once it is finished.
+    /// Lets `write` append; does nothing once it is finished.
     pub(crate) fn write(
         &self,
         write: impl FnOnce(&mut McapRecorder) -> recordings::Result<()>,
@@ -79,7 +77,6 @@ impl SharedRecorder {
         recorder.as_mut().map_or(Ok(()), write)
     }
 
-    /// Gives the file its name.
     pub(crate) fn finish(&self) -> Result<(), Failure> {
         let mut recorder = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let finished = recorder.take().map_or(Ok(()), McapRecorder::finish);
@@ -87,11 +84,9 @@ impl SharedRecorder {
     }
 }
 
-/// Where messages go.
 enum RecordingFile {
-    /// A file of its own.
     Own(Box<MessageFile>),
-    /// A file that a camera also writes to. The code that opened the file finishes it.
+    /// A file shared with the camera, which its creator finishes.
     Shared(SharedRecorder),
 }
 
@@ -119,18 +114,17 @@ fn info(topic: Topic) -> TopicInfo<'static, impl FnOnce() -> String> {
     }
 }
 
-/// Writes messages while frames go by.
 struct RunRecording {
     path: PathBuf,
     file: RecordingFile,
     publisher: Publisher,
-    /// How pictures are drawn, if they are.
+    /// Style of the images, if they are written.
     style: Option<Style>,
     messages: usize,
 }
 
 impl RunRecording {
-    /// For a camera; with pictures where weights of classes are given.
+    /// For a camera; writes images if class weights are given.
     fn new(
         path: &Path,
         file: RecordingFile,
@@ -150,7 +144,7 @@ impl RunRecording {
         }
     }
 
-    /// Writes what was fused: points of the surface and the floor plan.
+    /// Writes points of the surface and the floor plan.
     fn surface(&mut self, fused: &Fused) -> Result<(), Failure> {
         let mut messages = vec![self.publisher.surface(&fused.mesh.thinned(SPACING))];
         let plan = fused.plan();
@@ -190,7 +184,7 @@ impl Sink for RunRecording {
         Ok(())
     }
 
-    /// Writes the surface, if there is one, and what is left, and gives the file its name.
+    /// Writes the surface, if there is one, and pending messages, and moves the file into place.
     fn finish(mut self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
         if let Some(fused) = ended.found.shelf.get::<Fused>() {
             self.surface(fused)?;

@@ -1,4 +1,4 @@
-//! `report.html`, unless `--no-report` is given: what it shows of the frames, gathered while they go by.
+//! `report.html`, unless `--no-report` is given: collects its data during the run.
 
 use crate::failure::Failure;
 use crate::sink::{Ended, Output, Sink, Start, Subscription};
@@ -9,10 +9,9 @@ use stillpoint::map::MapView;
 use stillpoint::slam::{Event, Subscriber};
 use stillpoint::view::report::ReportRecorder;
 
-/// What is asked for.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct ReportOutput {
-    /// Write no report.html into the result folder.
+    /// Do not write report.html into the result folder.
     #[arg(long)]
     pub(crate) no_report: bool,
 }
@@ -34,7 +33,6 @@ impl Output for ReportOutput {
     }
 }
 
-/// Gathers while frames go by.
 #[derive(Default)]
 pub(crate) struct Gathering(ReportRecorder);
 
@@ -49,7 +47,7 @@ impl Sink for Gathering {
         Ok(())
     }
 
-    /// The page is about all of the result, and is made with it.
+    /// The page covers the whole result, and is written with it.
     fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
         ended.found.shelf.put(self.0);
         Ok(())

@@ -1,4 +1,4 @@
-//! `--things`: what stands in the room, gathered while frames go by.
+//! `--things`: maps the objects in the room during a run.
 
 use crate::failure::Failure;
 use crate::sink::{Ended, Output, Sink, Start, Subscription};
@@ -11,17 +11,16 @@ use stillpoint::live::Watch;
 use stillpoint::map::{Extension, MapView};
 use stillpoint::slam::{Event, Subscriber};
 
-/// What is asked for.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct ThingsOutput {
-    /// Gather what stands in the room: chairs, tables, screens and whatever else the detector knows and stands still, people never. Writes
-    /// things.json; --save-map keeps them in the map, for map objects. Needs a detector.
+    /// Map the objects in the room: chairs, tables, screens and any other static object that the detector knows, never people. Writes
+    /// things.json; --save-map stores them in the map, for map objects. Needs a detector.
     #[arg(long, verbatim_doc_comment)]
     pub(crate) things: bool,
 }
 
 impl Output for ThingsOutput {
-    /// Where it is not asked for, what an earlier run knew stays as it is.
+    /// If not requested, the objects of the initial map are kept unchanged.
     fn begin(&self, start: &mut Start<'_>) -> Result<Option<Box<dyn Sink>>, Failure> {
         let known = start.known.and_then(|k| k.things.clone());
         if !self.things {
@@ -42,7 +41,6 @@ impl Output for ThingsOutput {
     }
 }
 
-/// Gathers while frames go by.
 struct Gatherer(Things);
 
 impl Sink for Gatherer {
@@ -55,7 +53,7 @@ impl Sink for Gatherer {
         Ok(())
     }
 
-    /// What there is at the poses of the final map.
+    /// Computes the objects at the poses of the final map.
     fn settle(&mut self, ended: &mut Ended<'_>) -> Result<(), Failure> {
         let _span = tracing::info_span!("gather").entered();
         let map = self.0.at(&ended.session.view);
@@ -77,14 +75,12 @@ impl Sink for Gatherer {
     }
 }
 
-/// What stands in the room.
 pub(crate) struct Gathered {
     map: ThingMap,
-    /// Numbers of the frames that were looked at.
+    /// Numbers of the frames that were used.
     pub(crate) frames: Vec<u32>,
 }
 
-/// What an earlier run knew.
 struct KnownThings(Option<ThingMap>);
 
 impl Sink for KnownThings {
@@ -99,7 +95,6 @@ impl Sink for KnownThings {
     }
 }
 
-/// What a map file keeps of it.
 fn extension(map: &ThingMap) -> Extension {
     Extension {
         name: ThingMap::EXTENSION.to_owned(),

@@ -1,7 +1,7 @@
-//! `--trace`: every span of every thread, as a file for Perfetto and `chrome://tracing`.
+//! `--trace`: writes every span of every thread to a file for Perfetto and `chrome://tracing`.
 //!
-//! The format is Chrome's "Trace Event Format", as an object: complete events (`X`) with microseconds, and names of threads as metadata (`M`).
-//! Crates that write it need the registry of `tracing-subscriber`, which would measure everything a second time.
+//! The format is Chrome's "Trace Event Format", as an object: complete events (`X`) in microseconds, and thread names as metadata (`M`).
+//! Existing crates for it need the registry of `tracing-subscriber`, which would time everything a second time.
 
 use crate::failure::Failure;
 use crate::output::StreamedFile;
@@ -18,10 +18,9 @@ use stillpoint::slam::Event;
 
 const OPTION: &str = "--trace";
 
-/// What is asked for.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct TraceOutput {
-    /// Write what every thread did when, for ui.perfetto.dev or chrome://tracing.
+    /// Write a trace of all threads, for ui.perfetto.dev or chrome://tracing.
     #[arg(long, value_name = "FILE.json")]
     pub(crate) trace: Option<PathBuf>,
 }
@@ -39,13 +38,12 @@ impl Output for TraceOutput {
     }
 }
 
-/// The file in the making.
 struct TraceFile {
     file: StreamedFile,
     path: PathBuf,
     timing: &'static Timing,
     start: Instant,
-    /// Threads whose names are written.
+    /// Number of threads whose names are written.
     named: usize,
     spans: u64,
 }
@@ -55,7 +53,7 @@ impl Sink for TraceFile {
         Some(Subscription::to_all("trace"))
     }
 
-    /// Every event is a chance to fetch what was kept.
+    /// Fetches the pending spans at every event.
     fn receive(&mut self, _: &Event) -> Result<(), Failure> {
         self.fetch()
     }
@@ -67,7 +65,6 @@ impl Sink for TraceFile {
 }
 
 impl TraceFile {
-    /// Begins to keep spans, and the file.
     fn create(path: &Path, timing: &'static Timing) -> Result<Self, Failure> {
         let mut file = StreamedFile::create(path, OPTION)?;
         file.write(|w| {
@@ -85,7 +82,7 @@ impl TraceFile {
         })
     }
 
-    /// Writes what was kept since the last time.
+    /// Writes the spans since the last call.
     fn fetch(&mut self) -> Result<(), Failure> {
         let (spans, new_threads) = self.timing.trace.take(self.named);
         let (start, timing, first) = (self.start, self.timing, self.named);
@@ -96,7 +93,7 @@ impl TraceFile {
                 write!(w, ",\n{}", named("thread_name", first + i, name))?;
             }
             for span in &spans {
-                // Whole nanoseconds as decimals of microseconds, exactly.
+                // Nanoseconds as exact decimals of microseconds.
                 let us = |from: Instant, to: Instant| {
                     let ns = to.saturating_duration_since(from).as_nanos();
                     format!("{}.{:03}", ns / 1000, ns % 1000)
@@ -114,7 +111,7 @@ impl TraceFile {
         })
     }
 
-    /// Puts the file where it belongs. Returns what there is, for the report.
+    /// Moves the file into place. Returns a summary.
     fn close(mut self) -> Result<String, Failure> {
         self.timing.trace.want(false);
         self.fetch()?;

@@ -1,19 +1,18 @@
-//! `--up`: which way is up in the map.
+//! `--up`: the up direction in the map.
 
 use crate::sink::Output;
 use clap::Args;
 use stillpoint::slam::Up;
 
-/// What is asked for.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub(crate) struct UpOutput {
-    /// Direction away from the floor in the map, roughly [default: as the inertial sensor knows it for --dense, else as the map knows it
-    /// that the run begins with, else that of a camera that was held upright at first]. --save-map keeps it.
+    /// Approximate direction away from the floor, in the map frame [default: for --dense as measured by the inertial sensor, else as stored
+    /// in the initial map, else assuming that the camera was first held upright]. --save-map stores it.
     #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
     pub(crate) up: Option<[f64; 3]>,
 }
 
-/// `0,-1,0`.
+/// Parses `0,-1,0`.
 pub(crate) fn direction(text: &str) -> Result<[f64; 3], String> {
     let parts: Vec<f64> = text
         .split(',')
@@ -26,7 +25,6 @@ pub(crate) fn direction(text: &str) -> Result<[f64; 3], String> {
 }
 
 impl UpOutput {
-    /// As users say.
     pub(crate) fn named(self) -> Option<Up> {
         self.up.and_then(|up| Up::along(&up.into()))
     }

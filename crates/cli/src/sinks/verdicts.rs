@@ -1,4 +1,4 @@
-//! `--verdicts`: what the static filter said of every keypoint, as a table.
+//! `--verdicts`: writes the static filter's verdict on every keypoint as a table.
 
 use crate::failure::Failure;
 use crate::output::StreamedFile;
@@ -16,10 +16,9 @@ const HEADER: &str = "timestamp,u,v,verdict,reasons";
 
 const OPTION: &str = "--verdicts";
 
-/// What is asked for.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct VerdictsOutput {
-    /// Write what the static filter said of every keypoint: timestamp,u,v,verdict,reasons (raw pixels).
+    /// Write the static filter's verdict on every keypoint: timestamp,u,v,verdict,reasons (raw pixels).
     #[arg(long, value_name = "FILE.csv")]
     pub(crate) verdicts: Option<PathBuf>,
 }
@@ -37,7 +36,6 @@ impl Output for VerdictsOutput {
     }
 }
 
-/// The table in the making, written row by row as frames go by.
 #[derive(Debug)]
 struct VerdictFile {
     file: StreamedFile,
@@ -77,7 +75,7 @@ impl VerdictFile {
         })
     }
 
-    /// One row per keypoint of a frame, whatever became of its pose.
+    /// One row per keypoint of a frame, tracked or lost.
     fn add(&mut self, report: &FrameReport) -> Result<(), Failure> {
         let stamp = report.stamp;
         self.rows += report.verdicts.len();

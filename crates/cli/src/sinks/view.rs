@@ -1,7 +1,7 @@
-//! `--view`: the run in browsers while it goes on.
+//! `--view`: shows the run in browsers while it goes on.
 //!
-//! Answers: when a picture is made and the map looked through, and what is measured of the run. What is shown is [`LivePage`]'s business, who may look
-//! is [`serve`](crate::serve)'s.
+//! Decides when images and the map are updated, and measures the run. [`LivePage`] defines the contents, [`serve`](crate::serve) the
+//! access.
 
 use crate::console;
 use crate::failure::Failure;
@@ -20,28 +20,26 @@ use stillpoint::slam::Event;
 use stillpoint::view::live::{About, LivePage, Measured, to_html};
 use stillpoint::view::report::{RunData, SurfaceColumns};
 
-/// The subscriber that browsers are shown.
 const VIEW: &str = "view";
-/// Events of each kind that wait to be shown, at most: some seconds.
+/// Maximum number of queued events of each kind: some seconds.
 const SHOWN: usize = 128;
-/// Between two pictures: less than between two updates of a page, so that each finds a fresh one.
+/// Minimum interval between images: less than between two updates of a page, so that each has a new one.
 const PICTURE: Duration = Duration::from_millis(60);
-/// Least time between two looks at the map.
+/// Minimum interval between updates of the map.
 const MAP: Duration = Duration::from_millis(500);
-/// Least time between two looks at the map, as a multiple of the time that one look takes: looks use at most 5 % of a core.
+/// Minimum interval between those updates as a multiple of their duration: they use at most 5 % of a core.
 const MAP_SHARE: u32 = 20;
 
-/// Between two questions how the threads are: those that are asked hold still for a moment.
+/// Interval between queries of the threads' state, which briefly block them.
 const HEALTH: Duration = Duration::from_millis(400);
 
-/// What is shown, and what is measured of the run.
+/// The page, and measurements of the run.
 struct Shown {
     page: Mutex<LivePage>,
-    /// Of a live run.
     watch: OnceLock<Watch>,
-    /// Whether anybody looked when the newest event came.
+    /// Whether a page was open at the newest event.
     is_watched: AtomicBool,
-    /// What is measured, and when it was asked for.
+    /// The last measurements, with their time.
     known: Mutex<Option<(Instant, Measured)>>,
 }
 
@@ -50,7 +48,7 @@ impl Shown {
         self.page.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What is measured of a live run; the latency is that of the newest frame.
+    /// Measurements of a live run; the latency is that of the newest frame.
     fn measured(&self) -> Option<Measured> {
         let watch = self.watch.get()?;
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
@@ -102,17 +100,17 @@ fn measured(health: &LiveHealth) -> Measured {
     measured
 }
 
-/// What is asked for.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct ViewOutput {
-    /// Show the run in a browser while it goes on: the frames with verdicts and boxes, the map, health and latency. The address to open is
-    /// printed; without ADDR only this machine reaches it. It takes nothing and ends with the run. PATH goes before it.
+    /// Show the run in a browser while it goes on: frames with verdicts and boxes, the map, health and latency. The address to open is
+    /// printed; without ADDR it is reachable from this machine only. The page is read-only and ends with the run. PATH goes before this
+    /// option.
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = "", verbatim_doc_comment)]
     pub(crate) view: Option<Place>,
 }
 
 impl Output for ViewOutput {
-    /// Says where the run is to be seen, and shows the surface of a run that has one.
+    /// Starts the server, and connects the display of the surface, if the run has one.
     fn begin(&self, start: &mut Start<'_>) -> Result<Option<Box<dyn Sink>>, Failure> {
         let Some(place) = &self.view else {
             return Ok(None);
@@ -127,7 +125,7 @@ impl Output for ViewOutput {
         };
         let view = PageView::start(place, about)?;
         if let Some(window) = start.shelf.get::<SurfaceWindow>() {
-            // It is set once: a run has one page.
+            // Set only once: a run has one page.
             let _ = window.0.set(Arc::clone(&view.shown));
         }
         Ok(Some(Box::new(view)))
@@ -138,18 +136,16 @@ impl Output for ViewOutput {
     }
 }
 
-/// Where the surface of a run is shown while it goes on, once there is a page.
+/// Live display of the surface, active once there is a page.
 #[derive(Clone, Default)]
 pub(crate) struct SurfaceWindow(Arc<OnceLock<Arc<Shown>>>);
 
 impl SurfaceWindow {
-    /// Whether anybody looks.
     pub(crate) fn is_watched(&self) -> bool {
         let shown = self.0.get();
         shown.is_some_and(|s| s.is_watched.load(Ordering::Relaxed))
     }
 
-    /// Shows it.
     pub(crate) fn show(&self, mesh: &Mesh) {
         if let Some(shown) = self.0.get() {
             shown.page().set_surface(surface(mesh));
@@ -157,10 +153,10 @@ impl SurfaceWindow {
     }
 }
 
-/// Triangles that pages show of a surface, at most: 15 to 20 bytes each in the page, and drawn without a graphics card, too.
+/// Maximum number of triangles on a page: 15 to 20 bytes each, and fast enough without a graphics card.
 const MOST_TRIANGLES: usize = 20_000;
 
-/// A surface as pages show it.
+/// A surface in the page's format.
 pub(crate) fn surface(mesh: &Mesh) -> SurfaceColumns {
     let shown = mesh.with_triangles(MOST_TRIANGLES);
     SurfaceColumns::new(
@@ -171,17 +167,14 @@ pub(crate) fn surface(mesh: &Mesh) -> SurfaceColumns {
     )
 }
 
-/// Shows a run.
 pub(crate) struct PageView {
     shown: Arc<Shown>,
     server: Server,
     pictured: Option<Instant>,
-    /// When the map may be looked through again.
     next_map: Option<Instant>,
 }
 
 impl PageView {
-    /// Begins to serve, and says where.
     fn start(place: &Place, about: About) -> Result<Self, Failure> {
         let html = to_html(&about.name);
         let shown = Arc::new(Shown {
@@ -206,23 +199,22 @@ impl PageView {
         })
     }
 
-    /// Tells the report of the run, which is all that there is to know.
+    /// Sends the report of the run, which supersedes the live data.
     pub(crate) fn report(&self, run: &RunData) {
         if let Ok(json) = serde_json::to_string(run) {
             self.server.end("report", json);
         }
     }
 
-    /// Ends a page whose run came to its end. Pages that know the report keep it.
+    /// Ends the page of a finished run. Pages that have the report keep it.
     pub(crate) fn end(&self, out: &Path) {
-        // Of a run without a report this is all that there is.
+        // A run without a report ends with this message.
         self.shown.page().follow_map(true);
         let text = format!("The result is in {}.", out.display());
         let json = serde_json::Value::String(text).to_string();
         self.server.end("end", json);
     }
 
-    /// Looks through the map, where it is time to.
     fn follow_map(&mut self, page: &mut LivePage) {
         let began = Instant::now();
         if !page.is_behind() || self.next_map.is_some_and(|next| began < next) {
@@ -240,7 +232,7 @@ impl Sink for PageView {
             self.shown.page().begin_with(Arc::clone(map));
         }
         if let Some(watch) = watch {
-            // It is set once: a page is of one run.
+            // Set only once: a page shows one run.
             let _ = self.shown.watch.set(watch.clone());
         }
         Some(Subscription {
@@ -277,7 +269,7 @@ impl Sink for PageView {
         Ok(())
     }
 
-    /// The page goes on until the result is written: it is told the report.
+    /// The page stays open until the result is written, to get the report.
     fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
         ended.found.shelf.put(*self);
         Ok(())

@@ -1,4 +1,4 @@
-//! What stands in the room, as users see it: `map objects`.
+//! Objects in a map: `map objects` and `things.json`.
 
 use crate::args::map::MapObjectsArgs;
 use crate::console;
@@ -10,7 +10,7 @@ use stillpoint::geometry::Vec3;
 use stillpoint::map::Extension;
 use stillpoint::slam::JoinedMaps;
 
-/// What a map file keeps of the things of two maps that were put together; none where neither had any.
+/// The map file extension with the objects of two merged maps; `None` if neither has any.
 pub(crate) fn joined(known: [Option<ThingMap>; 2], maps: &JoinedMaps) -> Option<Extension> {
     if known.iter().all(Option::is_none) {
         return None;
@@ -23,7 +23,6 @@ pub(crate) fn joined(known: [Option<ThingMap>; 2], maps: &JoinedMaps) -> Option<
     })
 }
 
-/// A thing as users see it.
 #[derive(Debug, Serialize)]
 struct ThingJson {
     class: &'static str,
@@ -31,13 +30,12 @@ struct ThingJson {
     centre: [f64; 3],
     /// Along its own axes, of which the third is up, m.
     size: [f64; 3],
-    /// From its own axes to the world's, row by row.
+    /// Rotation from its own axes to the world's, row by row.
     world_from_box: [[f64; 3]; 3],
     confidence: f64,
-    /// Looks in which it was found.
+    /// Number of views in which it was found.
     found: u32,
     submap: u32,
-    /// The number of the room that it is in.
     room: Option<u32>,
     /// Stamp, s.
     first_seen: f64,
@@ -63,7 +61,6 @@ impl ThingJson {
     }
 }
 
-/// A room as users see it.
 #[derive(Debug, Serialize)]
 struct RoomJson {
     number: u32,
@@ -80,7 +77,6 @@ struct LevelJson {
     things: Vec<ThingJson>,
 }
 
-/// As `things.json` and `map objects --json` have it.
 pub(crate) fn to_json(rooms: &[Room], things: &[Thing]) -> Result<String, Failure> {
     let room = |r: &Room| RoomJson {
         number: r.number,
@@ -96,7 +92,6 @@ pub(crate) fn to_json(rooms: &[Room], things: &[Thing]) -> Result<String, Failur
     Ok(format!("{text}\n"))
 }
 
-/// `map objects`.
 pub(crate) fn objects(args: &MapObjectsArgs) -> Result<Status, Failure> {
     let loaded = file::load(&args.file)?;
     let map = kept::things(&loaded, &args.file)?.ok_or_else(|| {

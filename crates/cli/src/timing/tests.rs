@@ -70,7 +70,7 @@ fn what_is_shared_belongs_to_the_frame() {
                 });
             });
         });
-        // A thread that ends no frame leaves the shared times alone.
+        // A thread that ends a round but no frame leaves the workers' times alone.
         std::thread::scope(|scope| scope.spawn(|| timing.end_round()).join().unwrap());
         timing.end_frame();
     }

@@ -1,4 +1,4 @@
-//! A headless Chromium, where there is one, driven by its debugging protocol over a pair of pipes.
+//! A headless Chromium, if available, driven by its debugging protocol over a pair of pipes.
 
 use serde_json::{Value, json};
 use std::fs::{File, OpenOptions};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use tempfile::TempDir;
 
-/// The first one that is there: what `STILLPOINT_CHROMIUM` names, or the usual names in PATH.
+/// The first one found: `STILLPOINT_CHROMIUM`, or the usual names in PATH.
 fn chromium() -> Option<PathBuf> {
     if let Some(named) = std::env::var_os("STILLPOINT_CHROMIUM") {
         return Some(named.into());
@@ -19,22 +19,20 @@ fn chromium() -> Option<PathBuf> {
         .find(|file| file.is_file())
 }
 
-/// A browser with one page.
 pub struct Browser {
     child: Child,
     to: File,
     from: BufReader<File>,
     session: Option<String>,
     next: u64,
-    /// What the page complained about.
     pub errors: Vec<String>,
-    /// What it asked the network or the disk for, but for itself.
+    /// Requests of the page to the network or the disk, other than for itself.
     pub requests: Vec<String>,
     _dir: TempDir,
 }
 
 impl Browser {
-    /// A browser with these options; none, counted as skipped, where there is no Chromium.
+    /// Starts a browser with these options; `None`, counted as skipped, without Chromium.
     pub fn start(options: &[&str]) -> Option<Self> {
         let Some(program) = chromium() else {
             stillpoint_testdata::skipped("there is no Chromium in PATH");
@@ -91,7 +89,7 @@ impl Browser {
         Some(browser)
     }
 
-    /// Calls a method of the protocol, and waits for its answer.
+    /// Calls a method of the protocol, and waits for the response.
     pub fn call(&mut self, method: &str, parameters: &Value) -> Value {
         self.next += 1;
         let id = self.next;
@@ -109,7 +107,7 @@ impl Browser {
         }
     }
 
-    /// The next message, which is noted if it is an event that matters.
+    /// The next message; relevant events are recorded.
     fn next_message(&mut self) -> Value {
         let mut bytes = Vec::new();
         let count = self
@@ -139,22 +137,21 @@ impl Browser {
         message
     }
 
-    /// Opens a page of a file, and waits until it is there.
+    /// Opens a page from a file, and waits until it is loaded.
     pub fn open(&mut self, file: &Path, fragment: &str) {
-        // Another fragment alone would load nothing.
+        // Changing only the fragment would not reload the page.
         self.call("Page.navigate", &json!({"url": "about:blank"}));
         let url = format!("file://{}{fragment}", file.display());
         self.call("Page.navigate", &json!({"url": url}));
         self.until("document.readyState === 'complete' && location.protocol === 'file:'");
     }
 
-    /// Opens a page of a server, and waits until it is there.
+    /// Opens a page from a server, and waits until it is loaded.
     pub fn open_url(&mut self, url: &str) {
         self.call("Page.navigate", &json!({"url": url}));
         self.until("document.readyState === 'complete' && location.protocol === 'http:'");
     }
 
-    /// The value of an expression in the page; promises are waited for.
     pub fn eval(&mut self, expression: &str) -> Value {
         let asked = json!({"expression": expression, "returnByValue": true, "awaitPromise": true});
         let answer = self.call("Runtime.evaluate", &asked);
@@ -165,7 +162,6 @@ impl Browser {
         answer["result"]["value"].clone()
     }
 
-    /// Waits until an expression is true.
     pub fn until(&mut self, expression: &str) {
         for _ in 0..600 {
             if self.eval(expression) == true {
@@ -176,7 +172,6 @@ impl Browser {
         panic!("{expression} did not become true");
     }
 
-    /// Presses a key.
     pub fn press(&mut self, key: &str, modifiers: u8) {
         let code = match key {
             "Tab" => 9,

@@ -1,4 +1,4 @@
-//! A good data set to spoil, with an old result beside it.
+//! A valid data set to damage, with an older result beside it.
 
 use super::{check, copy, files, program, simulate};
 use std::path::{Path, PathBuf};
@@ -7,14 +7,14 @@ use tempfile::TempDir;
 
 pub const FRAMES: usize = 12;
 
-/// A good data set, made once.
+/// A valid data set, made once.
 static GOOD: LazyLock<TempDir> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     simulate(&dir.path().join("room"), "xyz", FRAMES);
     dir
 });
 
-/// A copy of the good data set to spoil, with an old result beside it.
+/// A copy of the valid data set, with an older result beside it.
 pub struct Case {
     pub dir: TempDir,
 }
@@ -36,7 +36,6 @@ impl Case {
         self.dir.path().join("out")
     }
 
-    /// Changes the text of a file of the data set.
     pub fn edit(&self, name: &str, change: impl Fn(&str) -> String) -> &Self {
         let path = self.room().join(name);
         let text = std::fs::read_to_string(&path).unwrap();
@@ -44,7 +43,6 @@ impl Case {
         self
     }
 
-    /// Writes something over images.
     pub fn images(
         &self,
         folder: &str,
@@ -70,7 +68,7 @@ impl Case {
             .unwrap()
     }
 
-    /// Expects exit code 2, the parts in the message, and the old result as it was.
+    /// Expects exit code 2, the parts in the message, and the older result unchanged.
     #[track_caller]
     pub fn fails(&self, more: &[&str], parts: &[&str]) {
         let output = self.run(more);

@@ -1,5 +1,5 @@
-//! Runs the program as users do, on small simulated data sets.
-#![allow(clippy::expect_used, unreachable_pub)] // Failing is what helpers do.
+//! Runs the program on small simulated data sets.
+#![allow(clippy::expect_used, unreachable_pub)] // Helpers may panic.
 
 pub mod browser;
 pub mod case;
@@ -10,15 +10,14 @@ pub mod tiny_model;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// A cache in which there is never a model.
+/// A cache that never holds a model.
 pub const EMPTY_CACHE: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/no-models");
 
-/// The program, [`isolated`].
 pub fn program() -> Command {
     isolated(Command::new(env!("CARGO_BIN_EXE_stillpoint")))
 }
 
-/// The program as a shell runs it, as `$0` with `args` from `$1` on.
+/// Runs the program through a shell, as `$0` with `args` from `$1` on.
 pub fn shell<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(
     script: &str,
     args: I,
@@ -29,7 +28,7 @@ pub fn shell<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(
     isolated(command).output().expect("sh starts")
 }
 
-/// A command with nothing inherited that changes what the program does: above all not the models that the user has pulled.
+/// Removes environment variables that affect the program, above all the user's model cache.
 pub fn isolated(mut command: Command) -> Command {
     command
         .env_remove("STILLPOINT_SIMD")
@@ -38,7 +37,6 @@ pub fn isolated(mut command: Command) -> Command {
     command
 }
 
-/// Runs the program.
 pub fn stillpoint<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(args: I) -> Output {
     program().args(args).output().expect("the program starts")
 }
@@ -51,7 +49,7 @@ pub fn stdout(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Asserts an exit code and that stderr holds every part; never that of a panic.
+/// Asserts an exit code and that stderr contains every part; never that of a panic.
 #[track_caller]
 pub fn check(output: &Output, code: i32, parts: &[&str]) {
     let said = stderr(output);
@@ -62,7 +60,6 @@ pub fn check(output: &Output, code: i32, parts: &[&str]) {
     }
 }
 
-/// Writes a simulated data set.
 pub fn simulate(out: &Path, scene: &str, frames: usize) {
     let frames = frames.to_string();
     let output = program()
@@ -75,7 +72,6 @@ pub fn simulate(out: &Path, scene: &str, frames: usize) {
     check(&output, 0, &[]);
 }
 
-/// Copies a folder with everything in it.
 pub fn copy(from: &Path, to: &Path) {
     std::fs::create_dir_all(to).unwrap();
     for entry in std::fs::read_dir(from).unwrap() {
@@ -89,7 +85,6 @@ pub fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// The files of a sub-folder, in order.
 pub fn files(folder: &Path) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
         .unwrap()

@@ -1,4 +1,4 @@
-//! A cache of models of a test's own, and files to put into it.
+//! A model cache per test, and files to put into it.
 
 use super::server::Server;
 use super::{program, tiny_model};
@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-/// A cache of a test's own.
 pub struct Cache {
     pub dir: TempDir,
 }
@@ -36,7 +35,7 @@ impl Cache {
         self.dir.path().join("models").join(name)
     }
 
-    /// Puts the tiny network into the cache, by its file.
+    /// Imports the file of the tiny network into the cache.
     pub fn import(&self, name: &str) -> Output {
         let file = tiny_model::write(self.dir.path());
         self.run(&["models", "import", file.to_str().unwrap(), "--name", name])

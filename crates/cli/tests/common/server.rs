@@ -1,4 +1,4 @@
-//! A web server on loopback that says the same to every request.
+//! A web server on loopback with the same response to every request.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
@@ -8,11 +8,11 @@ use std::sync::{Arc, Mutex};
 pub struct Server {
     /// Its address, e.g. `http://127.0.0.1:4711`.
     pub url: String,
-    /// First lines and headers of the requests so far.
+    /// Heads of the received requests.
     pub requests: Arc<Mutex<Vec<String>>>,
 }
 
-/// Begins to serve. `answer` gets a request's head and writes the whole answer.
+/// Starts the server. `answer` gets a request's head and writes the whole response.
 pub fn serve(
     answer: impl Fn(&str, &mut TcpStream) -> std::io::Result<()> + Send + 'static,
 ) -> Server {
@@ -26,14 +26,14 @@ pub fn serve(
             let mut reader = BufReader::new(stream.try_clone().unwrap());
             while reader.read_line(&mut head).is_ok_and(|n| n > 2) {}
             log.lock().unwrap().push(head.clone());
-            // A client that has left is no reason to stop.
+            // Errors of clients that left are ignored.
             let _ = answer(&head, &mut stream);
         }
     });
     Server { url, requests }
 }
 
-/// Serves one file, from its beginning, whatever is asked for.
+/// Serves one file completely for any request.
 pub fn serve_file(bytes: Vec<u8>) -> Server {
     serve(move |_, stream| {
         write_head(stream, "200 OK", bytes.len())?;
@@ -41,7 +41,7 @@ pub fn serve_file(bytes: Vec<u8>) -> Server {
     })
 }
 
-/// Writes the head of an answer of so many bytes.
+/// Writes a response head for a body of `length` bytes.
 pub fn write_head(stream: &mut TcpStream, status: &str, length: usize) -> std::io::Result<()> {
     write!(
         stream,

@@ -1,4 +1,4 @@
-//! A network small enough to be made in a test, with the inputs and outputs of YOLOX: it sees a person wherever it is bright.
+//! A network small enough to be made in a test, with the inputs and outputs of YOLOX: it detects a person wherever the image is bright.
 
 use std::path::{Path, PathBuf};
 use stillpoint::inference::wire::Message;
@@ -11,19 +11,18 @@ const COLUMNS: u64 = 85;
 const FLOAT: u64 = 1;
 const INT64: u64 = 7;
 
-/// Writes the model to a folder.
 pub fn write(folder: &Path) -> PathBuf {
     let path = folder.join("tiny.onnx");
     std::fs::write(&path, model()).unwrap();
     path
 }
 
-/// The model's bytes: on each of three maps the mean of the cell, by a 1x1 convolution, becomes objectness.
+/// The model's bytes: on each of three maps, a 1x1 convolution turns the mean of the cell into objectness.
 pub fn model() -> Vec<u8> {
     with_offset(0.0)
 }
 
-/// The same with a number added to everything that it gives.
+/// The model with an offset added to all its outputs.
 pub fn with_offset(offset: f32) -> Vec<u8> {
     let mut graph = Message::new().field(2, "tiny");
     let mut maps = Vec::new();
@@ -74,13 +73,13 @@ pub fn with_offset(offset: f32) -> Vec<u8> {
         .into_bytes()
 }
 
-/// Objectness runs from -1 in black to 1 in white, and what is below 0 is cut off: neither padding nor grey is seen.
+/// Objectness runs from -1 in black to 1 in white, and is clipped below 0: neither padding nor grey is detected.
 fn weights() -> (Vec<f32>, Vec<f32>) {
     let mut weight = vec![0.0; 3 * COLUMNS as usize];
     let mut bias = vec![0.0; COLUMNS as usize];
     weight[3 * 4..3 * 5].fill(2.0 / (3.0 * 255.0));
     bias[4] = -1.0;
-    // In the middle of the cell, twice its size.
+    // At the centre of the cell, twice its size.
     bias[0..2].fill(0.5);
     bias[2..4].fill(2.0_f32.ln());
     bias[5] = 0.9;

@@ -1,4 +1,4 @@
-//! Logs that do not fit, and options that do not.
+//! Logs that do not match, and conflicting options.
 
 use super::PLAYED;
 use crate::common::{check, program};
@@ -12,7 +12,7 @@ fn a_log_that_does_not_fit_is_refused() {
         change(&mut log);
         log.to_text()
     };
-    // Everything but its result is that of the run.
+    // Only the trajectory's digest differs.
     let other = changed(&|log| log.trajectory ^= 1);
     check(
         &PLAYED.replay(&other, &[]),

@@ -1,4 +1,4 @@
-//! What a live run says of itself: figures, traces, and what there is after an interrupt.
+//! Measurements of live runs: figures, traces, and results after an interrupt.
 
 use super::{FRAMES, PLAYED, write_all};
 use crate::common::{check, copy, program, stderr, stdout};
@@ -37,11 +37,11 @@ fn a_live_run_says_what_was_measured() {
     ] {
         assert!(said.contains(part), "{said}");
     }
-    // A camera takes its time: the frames are 1/30 s apart.
+    // Frames are 1/30 s apart.
     assert!(number(&summary["seconds"]) > 0.9 * (FRAMES - 3) as f64 / 30.0);
 }
 
-/// Every thread of a trace has a name, and what it did is where it should be.
+/// Checks that every thread of a trace has a name, and has the expected spans.
 #[track_caller]
 fn check_trace(trace: &Value, expected: &[(&str, &str)]) {
     let events = trace["traceEvents"].as_array().unwrap();
@@ -94,7 +94,7 @@ fn an_interrupt_keeps_what_there_is() {
     let dir = tempfile::tempdir().unwrap();
     let room = dir.path().join("room");
     copy(&PLAYED.path("room"), &room);
-    // A camera that takes a frame per second, so that there is time to interrupt it.
+    // A camera with one frame per second, to allow time for the interrupt.
     for list in ["rgb.txt", "depth.txt"] {
         let text = std::fs::read_to_string(room.join(list)).unwrap();
         let slower = |line: &str| match line.split_once(' ') {

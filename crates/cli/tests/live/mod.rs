@@ -1,5 +1,4 @@
-//! Data sets played as a camera: results that are complete, logs from which they come out again to the byte, and what is said when
-//! a log does not fit.
+//! Data sets played as a camera: complete results, logs that reproduce them to the byte, and errors for logs that do not match.
 
 mod log;
 mod measured;
@@ -16,7 +15,7 @@ use tempfile::TempDir;
 
 const FRAMES: usize = 24;
 
-/// A room with people, and a live run in it with everything that can be written.
+/// A room with people, and a live run in it with all outputs.
 struct Played {
     dir: TempDir,
     output: Output,
@@ -34,7 +33,7 @@ static PLAYED: LazyLock<Played> = LazyLock::new(|| {
     Played { dir, output }
 });
 
-/// Runs a command with everything that can be written, as files beside the folder `name`.
+/// Runs a command with all outputs, written beside the folder `name`.
 fn write_all(mut command: Command, dir: &Path, name: &str) -> Output {
     for (option, file) in [
         ("--out", name.to_owned()),
@@ -61,7 +60,6 @@ impl Played {
         RunLog::from_bytes(&std::fs::read(self.path("live/run.log")).unwrap()).unwrap()
     }
 
-    /// Replays a text as the log of this run.
     fn replay(&self, log: &str, more: &[&str]) -> Output {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("changed.log");
@@ -73,7 +71,7 @@ impl Played {
     }
 }
 
-/// How well a run went depends on what else the machine does; that it went does not.
+/// Lost frames depend on the load of the machine, so that only success or exit code 1 is required.
 #[track_caller]
 fn check_ran(output: &Output) {
     let said = stderr(output);
@@ -90,7 +88,7 @@ fn live_file_plays_a_folder_as_a_camera() {
     let started = Instant::now();
     let output = live.output().unwrap();
     check_ran(&output);
-    // All frames but the first come at least an interval after the one before: without a pace the run could be shorter.
+    // Each frame arrives at least an interval after the previous one; without pacing the run could be shorter.
     let shown: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(shown["frames"], FRAMES, "{shown}");
     assert_eq!(shown["live"]["dropped"], 0, "{shown}");
@@ -102,7 +100,7 @@ fn live_file_plays_a_folder_as_a_camera() {
     check(&nothing.unwrap(), 2, &["/no/room"]);
 }
 
-/// Without a camera and without its library: what there should be, and where to get it.
+/// Without a camera or its library the message says how to get them.
 #[test]
 fn a_camera_without_its_library_is_told() {
     let dir = tempfile::tempdir().unwrap();
@@ -124,7 +122,7 @@ fn a_camera_without_its_library_is_told() {
     ];
     check(&live(&text, &[]), 2, &advice);
     check(&live(&gone, &[]), 2, &["no such file", "gone"]);
-    // A folder without one.
+    // A folder without the library.
     std::fs::create_dir(&gone).unwrap();
     check(&live(&gone, &[]), 2, &["ros-$ROS_DISTRO-librealsense2"]);
     check(

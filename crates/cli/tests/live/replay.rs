@@ -1,4 +1,4 @@
-//! Runs that come out again from their log.
+//! Replays reproduce runs from their logs.
 
 use super::{PLAYED, check_ran, write_all};
 use crate::common::{check, files, program, stdout};
@@ -49,10 +49,10 @@ fn a_live_run_comes_out_again_to_the_byte() {
         let named = |p: PathBuf| (p.file_name().unwrap().into(), std::fs::read(p).unwrap());
         all.into_iter().map(named).collect()
     };
-    // One, and the animation, at least.
+    // At least one image and the animation.
     assert!(pictures("live").len() > 1);
     assert!(pictures("live") == pictures("again"), "pictures differ");
-    // What was counted is the same, and only a live run has latencies.
+    // Counts are equal, and only a live run has latencies.
     let [live, again] = ["live", "again"].map(|n| played.json(&format!("{n}/summary.json")));
     for counts in [
         "frames", "tracked", "detector", "features", "loops", "submaps",
@@ -61,7 +61,7 @@ fn a_live_run_comes_out_again_to_the_byte() {
     }
     assert_eq!(live["detector"]["kind"], "scripted");
     assert_eq!(again["live"], Value::Null);
-    // Steps of mapping are counted alike, whether they have a thread of their own or not.
+    // Mapping steps are counted in the same way, with or without a thread of their own.
     let steps = |summary: &Value| {
         let stages = summary["timing_ms"].as_array().unwrap().clone();
         let map = stages.into_iter().find(|s| s["stage"] == "map");

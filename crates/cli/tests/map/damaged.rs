@@ -1,4 +1,4 @@
-//! Files that are no maps.
+//! Invalid map files.
 
 use super::saved;
 use crate::common::{check, shell, stillpoint};
@@ -32,7 +32,7 @@ fn files_that_are_no_maps_are_refused_with_a_reason() {
     let checksum = crc32(&bytes[..24]);
     bytes[24..28].copy_from_slice(&checksum.to_le_bytes());
     refused(&bytes, &["version 2", "a later version"]);
-    // Larger than any that is read, as the header says.
+    // The header states a size above the limit.
     let mut bytes = good;
     bytes[23] = 1;
     let checksum = crc32(&bytes[..24]);
@@ -48,7 +48,7 @@ fn files_that_are_no_maps_are_refused_with_a_reason() {
             check(&stillpoint(["map", command, file]), 2, &[file, part]);
         }
     }
-    // Not read to its end, which does not come: as little of a file as a folder is.
+    // An endless device is not read; a folder is not a file either.
     if cfg!(target_os = "linux") {
         for command in ["check", "info"] {
             let parts = ["/dev/zero", "a device, where a regular file is needed"];
@@ -57,7 +57,7 @@ fn files_that_are_no_maps_are_refused_with_a_reason() {
     }
 }
 
-/// CRC-32 as in zlib and PNG, from its definition: what the format says, not what the program does.
+/// CRC-32 as in zlib and PNG, from its definition, independent of the program's code.
 fn crc32(bytes: &[u8]) -> u32 {
     let mut crc = u32::MAX;
     for byte in bytes {
@@ -73,7 +73,7 @@ fn crc32(bytes: &[u8]) -> u32 {
     !crc
 }
 
-/// A small file whose counts ask for gigabytes, with checksums that are right.
+/// A small file whose counts ask for gigabytes, with valid checksums.
 #[test]
 #[cfg(target_os = "linux")]
 fn huge_counts_take_no_memory() {
@@ -84,8 +84,8 @@ fn huge_counts_take_no_memory() {
     assert_eq!(&good[28..37], b"\x00\x00\x06header");
     let (begin, content) = (28, 28 + 9 + 20);
     let length = u64::from_le_bytes(good[37..45].try_into().unwrap()) as usize;
-    // Version and features in 8 bytes each, then counts in 4 each: cameras, slots of keyframes, keyframes, tombstones, pairs,
-    // slots of landmarks, landmarks, levels.
+    // Version and features in 8 bytes each, then counts in 4 each: cameras, slots of keyframes, keyframes, tombstones, pairs, slots of
+    // landmarks, landmarks, levels.
     let places = [
         (8, 8),
         (16, 4),
@@ -112,12 +112,12 @@ fn huge_counts_take_no_memory() {
             let whole = crc32(&bytes[..end]);
             bytes[end..].copy_from_slice(&whole.to_le_bytes());
             std::fs::write(&path, &bytes).unwrap();
-            // A quarter of a gigabyte, of which the program itself takes a part.
+            // A quarter of a gigabyte, including the program itself.
             let output = shell(
                 "ulimit -v 262144; exec \"$0\" map check \"$1\"",
                 [path.as_os_str()],
             );
-            // That many ids of keyframes are possible, if most of them are not used.
+            // That many keyframe ids are allowed, most of them unused.
             let code = i32::from((at, value) != (20, 1 << 24));
             check(&output, code, &[]);
         }

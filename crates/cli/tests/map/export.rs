@@ -41,7 +41,7 @@ fn exports_hold_what_is_in_the_map() {
     assert_eq!([0, 1, 2].map(float), position.map(|x| x as f32).data.0[0]);
     let normal: f32 = (3..6).map(|i| float(i) * float(i)).sum();
     assert!((normal - 1.0).abs() < 1e-5);
-    // It points to the camera that saw the landmark.
+    // The normal points to a camera that saw the landmark.
     let seen_from = view.keyframe(landmark.anchor).unwrap().centre();
     let towards = (0..3).map(|i| f64::from(float(3 + i)) * (seen_from - position)[i]);
     assert!(towards.sum::<f64>() > 0.0);
@@ -56,7 +56,7 @@ fn exports_hold_what_is_in_the_map() {
     let count = |tag: &str| graph.lines().filter(|l| l.starts_with(tag)).count();
     assert_eq!(count("VERTEX_SE3:QUAT "), view.keyframe_count());
     assert!(count("EDGE_SE3:QUAT ") >= view.keyframe_count() - 1);
-    // Each edge is near what the poses of the map say, and most are not what they say: they were measured by two keyframes alone.
+    // Each edge is close to the map's relative pose, but most differ from it: they were measured from two keyframes alone.
     let (mut off, mut exact) = (Vec::new(), 0);
     for line in graph.lines().filter(|l| l.starts_with("EDGE_SE3:QUAT ")) {
         let numbers: Vec<f64> = line
@@ -75,7 +75,7 @@ fn exports_hold_what_is_in_the_map() {
         let difference = difference.fold(0.0, f64::max);
         off.push(difference);
         exact += usize::from(difference < 1e-8);
-        // What is known of a motion differs from direction to direction; an edge with weight says so.
+        // The information differs between directions.
         assert!(numbers[9] > 0.0 && numbers[9] != numbers[9 + 11], "{line}");
     }
     off.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! Map files as users have them: saved by a run, looked at, exported, damaged.
+//! Map files: saved by a run, inspected, exported, damaged.
 
 mod damaged;
 mod export;
@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 const FRAMES: usize = 90;
 
-/// A recording, and what a run that saved its map left.
+/// A recording, and the results of a run that saved its map.
 static SAVED: LazyLock<TempDir> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     simulate(&dir.path().join("room"), "halfsphere", FRAMES);
@@ -23,7 +23,6 @@ static SAVED: LazyLock<TempDir> = LazyLock::new(|| {
     dir
 });
 
-/// Runs the recording that is in a folder.
 fn run(folder: &Path, map: &Path) -> Output {
     let mut command = program();
     command.arg("run").arg(folder.join("room")).arg("--out");

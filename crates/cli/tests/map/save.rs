@@ -1,4 +1,4 @@
-//! What a run saves, and when it saves nothing.
+//! When a run saves its map, and when it does not.
 
 use super::{SAVED, json, saved};
 use crate::common::{case::Case, check, files, program, shell, stdout, stillpoint};
@@ -77,14 +77,14 @@ fn a_map_that_cannot_be_written_is_reported_before_the_run() {
         // Not even the superuser can write here.
         let nowhere = ["--save-map", "/proc/room.spmap"];
         case.fails(&nowhere, &["/proc/room.spmap", "another with --save-map"]);
-        // The run goes on to its end, and its result is there.
+        // The run completes, and its result is written.
         let output = case.run(&["--save-map", "/dev/full"]);
         check(&output, 2, &["/dev/full", "free space", "--save-map"]);
         assert!(case.out().join("summary.json").exists());
     }
 }
 
-/// A limit on file sizes acts as a full disk does: writing fails half-way.
+/// A file size limit acts like a full disk: writing fails half-way.
 #[test]
 #[cfg(unix)]
 fn a_full_disk_does_not_harm_the_old_map() {
@@ -104,7 +104,6 @@ fn a_full_disk_does_not_harm_the_old_map() {
     assert_eq!(files(map.parent().unwrap()), [map]);
 }
 
-/// What was learned until then is saved.
 #[test]
 #[cfg(unix)]
 fn an_interrupted_run_saves_its_map() {
@@ -142,7 +141,7 @@ fn an_interrupted_run_saves_its_map() {
     assert!(half.view().landmark_count() > 0);
 }
 
-/// A run that loses track saves what it has; one that finds nothing leaves the older map.
+/// A run that loses track saves its map; one without a map leaves the older file.
 #[test]
 fn a_run_that_is_lost_saves_what_it_has() {
     let case = Case::new();

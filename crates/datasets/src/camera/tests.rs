@@ -24,7 +24,7 @@ fn presets_read_and_hold_the_published_figures() {
         4720.0
     );
     assert!(!fr1.nominal);
-    // By its field of view; the device of a recording has 613.2 px.
+    // From its field of view; the device of a recording has 613.2 px.
     let d435 = CameraModel::preset("d435").unwrap();
     assert!(d435.nominal && (d435.camera.fx / 613.2 - 1.0).abs() < 0.03);
 }
@@ -58,7 +58,7 @@ fn broken_camera_files_name_line_and_reason() {
     assert!(toml(&good.replace("5000.0", "0.0")).contains("depth_scale above 0"));
     assert!(toml(&good.replacen("500.0", "-1.0", 1)).contains("focal lengths"));
     assert!(toml(&format!("width = 640\n{good}")).contains("both width and height"));
-    // Freiburg 1 without k3, with values behind it, and with a power too many.
+    // Freiburg 1 without k3, with values after it, and with a power too many.
     let lens = |values: &str| format!("width = 640\nheight = 480\n{good}distortion = {values}\n");
     let folded = toml(&lens("[0.2624, -0.9531, -0.0054, 0.0026, 0.0]"));
     assert!(folded.contains("k3 is 0: was it left out?"), "{folded}");
@@ -86,7 +86,7 @@ fn broken_camera_files_name_line_and_reason() {
 proptest! {
     #[test]
     fn to_toml_reads_back(f in 1.0..2000.0f64, c in -10.0..1000.0f64, k in -2.0..2.0f64, s in 1.0..1e5f64, name in "\\PC{0,20}") {
-        // Without a size, since not every lens can be inverted within every image.
+        // Without a size, since not every lens is invertible in every image.
         let m = CameraModel {
             name,
             camera: Camera { distortion: BrownConrady { k1: k, k2: -k, p1: 1e-300 * k, p2: 0.0, k3: k * k },

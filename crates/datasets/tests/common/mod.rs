@@ -9,7 +9,7 @@ pub(crate) const W: u32 = 32;
 pub(crate) const H: u32 = 24;
 
 pub(crate) struct Folder {
-    /// Holds the folder until the test ends.
+    /// Keeps the folder until the test ends.
     _dir: TempDir,
     pub(crate) path: PathBuf,
 }
@@ -85,7 +85,7 @@ impl Folder {
         Dataset::open(&self.path, &OpenOptions::default()).unwrap()
     }
 
-    /// The message with which opening fails; it must hold all of `parts`.
+    /// Checks that opening fails with a message that contains all of `parts`.
     pub(crate) fn fails(&self, parts: &[&str]) {
         fails(&self.path, &OpenOptions::default(), parts);
     }

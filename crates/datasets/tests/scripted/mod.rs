@@ -1,4 +1,4 @@
-//! Recordings that are written down in a test.
+//! Scripted recordings.
 
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use stillpoint_imaging::{ColourImage, DepthImage, FrameId, FrameSource, RgbdFram
 pub(crate) const PERIOD: f64 = 1.0 / 30.0;
 pub(crate) const SIZE: [usize; 2] = [4, 3];
 
-/// A recording that is written down: a stamp and whether the frame can be read.
+/// A recording by stamps, and whether each frame is readable.
 #[derive(Clone, Debug)]
 pub(crate) struct Script {
     pub(crate) name: u8,
@@ -93,7 +93,7 @@ impl FrameSource for Played {
     }
 }
 
-/// Recordings of uneven steps, some frames of which cannot be read; the first one can.
+/// Recordings of uneven steps with some unreadable frames; the first frame is readable.
 pub(crate) fn script() -> impl Strategy<Value = Script> {
     let steps = prop::collection::vec((0.005..0.2_f64, prop::bool::weighted(0.85)), 1..14);
     (0..16_u8, -50.0..1.4e9_f64, steps, any::<bool>()).prop_map(|(name, start, steps, colour)| {
@@ -103,7 +103,7 @@ pub(crate) fn script() -> impl Strategy<Value = Script> {
             (stamp, readable)
         });
         let mut frames: Vec<_> = frames.collect();
-        // What follows may be black and needs a size.
+        // A black part may follow, which needs a size.
         frames[0].1 = true;
         Script {
             name,

@@ -1,7 +1,7 @@
-//! Counts of one coarse grid in the cells of another.
+//! Resamples the counts of a coarse grid.
 //!
-//! A cell is free in as many frames as the least free of all cells that it overlaps with. Where one of those held a surface that was lost at its border, it is unknown. What was
-//! crossed stays crossed: no cell is lost between the middles of others.
+//! The free count of a cell is the minimum over all cells that it overlaps. If one of those held a surface that was lost at its border, the
+//! cell is unknown. Crossed cells stay crossed: none is lost between the centres of others.
 
 use super::{Steps, for_each_between};
 use crate::block::{Key, SIDE};
@@ -9,10 +9,9 @@ use crate::cells::{CellBlock, Cells};
 use crate::world::DenseMap;
 use stillpoint_geometry::Se3;
 
-/// Points of a cell along each axis at most, at which it is compared with smaller ones.
+/// Maximum number of sample points along each axis of a cell, for comparison with smaller cells.
 const MOST_POINTS: f64 = 8.0;
 
-/// What is known of a cell.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
     free: u16,
@@ -20,7 +19,6 @@ struct Counts {
     arrived: u16,
 }
 
-/// Cells with a surface, in order.
 struct Occupied(Vec<[i32; 3]>);
 
 impl Occupied {
@@ -36,7 +34,7 @@ impl Occupied {
     }
 }
 
-/// Samples the grid of a map at the cells of one whose grid holds nothing yet, but whose surface is done.
+/// Resamples the grid of a map to one whose surface is complete and whose grid is empty.
 pub(super) fn resample(from: &DenseMap, to: &mut DenseMap, to_from: &Se3) {
     let (side, to_side) = (from.cells.side, to.cells.side);
     let there = Steps::new(side, to_side, to_from);
@@ -72,7 +70,7 @@ pub(super) fn resample(from: &DenseMap, to: &mut DenseMap, to_from: &Se3) {
     keep_crossed(&from.cells, &mut to.cells, &there);
 }
 
-/// Whatever was crossed is found in the cell that its middle is in.
+/// Transfers each crossed cell to the cell at its centre.
 fn keep_crossed(from: &Cells, to: &mut Cells, there: &Steps) {
     from.for_each(|at, _, crossed| {
         let to_cell = there.at(at.map(|v| f64::from(v) + 0.5).into());
@@ -86,7 +84,7 @@ fn keep_crossed(from: &Cells, to: &mut Cells, there: &Steps) {
     });
 }
 
-/// Points spread over a cell, from its first corner, in sides of it: two along each axis, more where the other cells are smaller.
+/// Sample points in a cell from its first corner, in cell sides: two along each axis, more if the other cells are smaller.
 fn points(ratio: f64) -> Vec<[f64; 3]> {
     let n = (2.0 * ratio).ceil().clamp(2.0, MOST_POINTS) as i32;
     let mut points = Vec::new();
@@ -116,7 +114,7 @@ fn counts(cells: &Cells, at: [i32; 3]) -> Counts {
     })
 }
 
-/// Raises the counts of a cell to these.
+/// Raises the counts of a cell to at least these.
 fn raise(cells: &mut Cells, at: [i32; 3], counts: Counts) {
     if counts.free == 0 && counts.crossed == 0 && counts.arrived == 0 {
         return;
@@ -128,7 +126,7 @@ fn raise(cells: &mut Cells, at: [i32; 3], counts: Counts) {
     block.arrived[i] = block.arrived[i].max(counts.arrived);
 }
 
-/// Adds the counts of another grid of the same cells: frames were seen by either map, and what stands has stood as long as in either.
+/// Adds the counts of another grid with the same cells; arrival times take the maximum.
 pub(super) fn sum(to: &mut Cells, other: &Cells) {
     for (key, number) in other.blocks.sorted() {
         let from = other.blocks.get(number);

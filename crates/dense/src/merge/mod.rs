@@ -1,7 +1,6 @@
-//! Two dense maps as one: the second is sampled at the voxels and cells of the first, then both are averaged.
+//! Merges two dense maps: resamples the second at the voxels and cells of the first, then averages both.
 //!
-//! Answers: what both saw, in the axes of the first. Nothing is sharpened, and nothing is made up where the second map knows nothing. Which
-//! rigid motion lies between the two, others have to know.
+//! The result is in the frame of the first. Unknown space stays unknown. The caller provides the rigid transform between the maps.
 
 mod grid;
 mod surface;
@@ -10,10 +9,10 @@ use crate::config::DenseConfig;
 use crate::world::DenseMap;
 use stillpoint_geometry::Se3;
 
-/// Voxels and cells of the second map are at most so many times as large as those of the first: each of its blocks becomes the cube of that many.
+/// Maximum ratio of the second map's voxel and cell size to the first's: each of its blocks becomes a cube of that many.
 const COARSEST: f64 = 4.0;
 
-/// Why two dense maps do not become one.
+/// Why two dense maps cannot be merged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
     "expected {what} of {least:.3} to {most:.3} m beside those of {own} m, found {found} m; merge the maps the other way round, or fuse one of them again with the same size (--voxel)"
@@ -31,18 +30,18 @@ pub struct DenseMergeError {
 }
 
 impl DenseMap {
-    /// The map in other axes, `to_from_world` being the rigid motion to them. Distances are interpolated between voxels that were seen near a surface; by the
-    /// identity it is the same map.
+    /// The map transformed by the rigid motion `to_from_world`. Distances are interpolated between voxels that were seen near a surface;
+    /// the identity gives an equal map.
     #[must_use]
     pub fn moved(&self, to_from_world: &Se3) -> Self {
         self.resampled(to_from_world, self.emptied())
     }
 
-    /// Takes what another map knows, `self_from_other` being the rigid motion from its world. Its surface is sampled at the voxels of this map
-    /// and averaged by weights, as frames are; counts of cells are summed. What is occupied in either stays so.
+    /// Merges another map, with the rigid motion `self_from_other`. Its surface is resampled and averaged by weight; counts of cells are
+    /// added. Space occupied in either map stays occupied.
     ///
     /// # Errors
-    /// Voxels or cells of the two differ too much; this map is as it was.
+    /// Voxel or cell sizes that differ too much; this map stays unchanged.
     pub fn absorb(&mut self, other: &Self, self_from_other: &Se3) -> Result<(), DenseMergeError> {
         self.check_sizes_of(other)?;
         let moved = other.resampled(self_from_other, self.emptied());
@@ -51,7 +50,7 @@ impl DenseMap {
         Ok(())
     }
 
-    /// Samples the map at the voxels and cells of one in which nothing is yet.
+    /// Resamples the map to the voxels and cells of an empty one.
     fn resampled(&self, to_from_world: &Se3, mut to: Self) -> Self {
         if to_from_world.is_finite() {
             surface::resample(&self.volume, &mut to.volume, to_from_world);
@@ -60,8 +59,7 @@ impl DenseMap {
         to
     }
 
-    /// The corners of a cube that a surface runs through are up to its diagonal away from it: if the other map's truncation were less, the surface would
-    /// have holes.
+    /// Corners of a cube that the surface crosses are up to its diagonal away: a smaller truncation of the other map would leave holes.
     fn check_sizes_of(&self, other: &Self) -> Result<(), DenseMergeError> {
         let diagonal = 3_f64.sqrt() * self.voxel();
         let finest = DenseConfig {
@@ -90,11 +88,11 @@ impl DenseMap {
     }
 }
 
-/// Farther than this from the origin, in voxels or cells, nothing is kept.
+/// Maximum distance from the origin that is kept, in voxels or cells.
 const FARTHEST: f64 = 1e8;
 
-/// How numbers of voxels of one grid are those of another: `numbers x + first`. It is asked for every voxel in the same way, so that each falls between the
-/// same eight voxels of the other grid, whatever block is looked at.
+/// Maps voxel indices of one grid to those of another: `numbers x + first`. The same computation for every voxel ensures that each falls
+/// between the same eight voxels of the other grid, whichever block is processed.
 struct Steps {
     columns: [[f64; 3]; 3],
     first: [f64; 3],
@@ -103,7 +101,7 @@ struct Steps {
 impl Steps {
     /// From a grid of this side (m) to another one.
     fn new(side: f64, to_side: f64, to_from: &Se3) -> Self {
-        // Of equal sides the quotient is 1, and nothing is rounded.
+        // For equal sides the quotient is exactly 1.
         let turn = to_from.rotation_matrix() * (side / to_side);
         Self {
             columns: std::array::from_fn(|k| turn.column(k).into_owned().into()),
@@ -116,7 +114,7 @@ impl Steps {
         std::array::from_fn(|i| a[i] * x + b[i] * y + c[i] * z + self.first[i])
     }
 
-    /// The least and the largest number along each axis that a cube of 8 can reach, whose first corner has this number; none far away.
+    /// Minimum and maximum index along each axis that an 8-cube with this first corner can reach; `None` far away.
     fn reach(&self, first: [f64; 3]) -> Option<[[i32; 3]; 2]> {
         let far = f64::INFINITY;
         let mut bounds = [[far; 3], [-far; 3]];
@@ -128,7 +126,7 @@ impl Steps {
             }
         }
         let near = bounds.iter().flatten().all(|v| v.abs() < FARTHEST);
-        // What rounding may have lost.
+        // Margin for rounding.
         let [least, most] = bounds;
         near.then(|| {
             [
@@ -139,7 +137,7 @@ impl Steps {
     }
 }
 
-/// Calls `f` with every number between two, both included, z outermost.
+/// Calls `f` with every index in a box (inclusive), z outermost.
 fn for_each_between([least, most]: [[i32; 3]; 2], mut f: impl FnMut([i32; 3])) {
     for z in least[2]..=most[2] {
         for y in least[1]..=most[1] {

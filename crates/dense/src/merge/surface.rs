@@ -1,4 +1,4 @@
-//! Distances of one volume at the voxels of another, and the mean of two.
+//! Resamples the distances of a volume, and averages two volumes.
 
 use super::{Steps, for_each_between};
 use crate::block::{Block, Blocks, FULL, Key, SIDE, VOXELS};
@@ -7,10 +7,9 @@ use crate::voxels::MOST_WEIGHT;
 use crate::window::{MARGIN, WIDE, Window, wide};
 use stillpoint_geometry::Se3;
 
-/// Voxels that lie this near to one of the other grid lie on it, in voxels: the others around it need not be known.
+/// Distance below which voxels of both grids coincide, in voxels: the other neighbours need not be known then.
 const SAME: f64 = 1e-6;
 
-/// A voxel as it was sampled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Voxel {
     distance: i16,
@@ -25,13 +24,13 @@ const EMPTY: Voxel = Voxel {
     colour: 0,
 };
 
-/// A place between voxels of a block and those behind it: the one before it along each axis, and the way to the next one.
+/// A point between voxels: the lower voxel index along each axis, and the fraction to the next.
 struct Place {
     low: [usize; 3],
     part: [f64; 3],
 }
 
-/// Samples a volume at the voxels of one that holds nothing yet.
+/// Resamples a volume at the voxels of an empty one.
 pub(super) fn resample(from: &Volume, to: &mut Volume, to_from: &Se3) {
     let there = Steps::new(from.voxel, to.voxel, to_from);
     let back = Steps::new(to.voxel, from.voxel, &to_from.inverse());
@@ -64,7 +63,7 @@ pub(super) fn resample(from: &Volume, to: &mut Volume, to_from: &Se3) {
     give_back(&mut to.blocks);
 }
 
-/// The numbers of a block's voxels that are between others too.
+/// The indices of a block's voxels that lie within a box.
 fn within(base: [i32; 3], [least, most]: [[i32; 3]; 2]) -> [[i32; 3]; 2] {
     let last = base.map(|v| v + SIDE as i32 - 1);
     [
@@ -73,7 +72,7 @@ fn within(base: [i32; 3], [least, most]: [[i32; 3]; 2]) -> [[i32; 3]; 2] {
     ]
 }
 
-/// What was made for free space alone is given back, as when frames are fused.
+/// Removes blocks that hold only free space, as in fusion.
 fn give_back(blocks: &mut Blocks) {
     for (_, number) in blocks.sorted() {
         if blocks.get(number).weight.iter().all(|w| *w == 0) {
@@ -101,7 +100,7 @@ fn get(block: &Block, i: usize) -> Voxel {
 }
 
 impl Place {
-    /// Of a point, in voxels; none where it begins in another block.
+    /// From a point in voxels; `None` if its lower voxel is in another block.
     fn of(at: [f64; 3], key: Key) -> Option<Self> {
         let near = at.map(|v| v.round_ties_even());
         let at: [f64; 3] = std::array::from_fn(|k| {
@@ -117,7 +116,7 @@ impl Place {
         })
     }
 
-    /// The number of a corner in a window, and its share of the place.
+    /// The index of a corner in a window, and its interpolation weight.
     fn corner(&self, corner: usize) -> (usize, f64) {
         let step = |k: usize| corner >> k & 1;
         let share = |k: usize| {
@@ -132,10 +131,11 @@ impl Place {
     }
 }
 
-/// What is known of a place, with distances in units of another truncation: what the nearest voxel is, a surface or free space or nothing.
+/// Samples a window at a point, with distances rescaled to another truncation. The nearest voxel decides between surface, free space and
+/// unknown.
 fn sample(window: &Window, place: &Place, scale: f64) -> Option<Voxel> {
     let corners: [(usize, f64); 8] = std::array::from_fn(|k| place.corner(k));
-    // Of equals the last one.
+    // Ties take the last one.
     let nearest = corners.iter().max_by(|a, b| a.1.total_cmp(&b.1))?.0;
     if !window.measured[nearest] {
         return window.empty[nearest].then_some(EMPTY);
@@ -150,7 +150,7 @@ fn sample(window: &Window, place: &Place, scale: f64) -> Option<Voxel> {
         along_axes(window, place)?.clamp(-full, full)
     };
     let measured = || shared().filter(|(i, _)| window.measured[*i]);
-    // What is free in all of them is free at any truncation.
+    // Free in all of them means free at any truncation.
     let free = measured().all(|(i, _)| window.distance[i] == EMPTY.distance);
     let scaled = if free { full } else { distance * scale };
     if scaled > full {
@@ -169,8 +169,8 @@ fn sample(window: &Window, place: &Place, scale: f64) -> Option<Voxel> {
     })
 }
 
-/// The distance at a place of which not all voxels around were measured: from the nearest one on along each axis, as it changes to the next one or from the one
-/// before.
+/// Extrapolates the distance at a point where some surrounding voxels are unmeasured: from the nearest voxel along each axis, with the
+/// slope to the next or from the previous voxel.
 fn along_axes(window: &Window, place: &Place) -> Option<f64> {
     let near = place.part.map(|part| usize::from(part >= 0.5));
     let at = wide(std::array::from_fn(|k| MARGIN + place.low[k] + near[k]));
@@ -193,7 +193,6 @@ fn along_axes(window: &Window, place: &Place) -> Option<f64> {
     Some(sum)
 }
 
-/// The mean of the colours that are some, red, green and blue.
 fn mixed(colours: impl Iterator<Item = (u32, f64)>) -> u32 {
     let (mut sum, mut all) = ([0.0; 3], 0.0);
     for (colour, share) in colours.filter(|c| c.0 & 0xff_ffff != 0) {
@@ -209,7 +208,6 @@ fn mixed(colours: impl Iterator<Item = (u32, f64)>) -> u32 {
     channel(0) | channel(1) | channel(2)
 }
 
-/// Averages a volume with another one of the same voxels, by weights.
 pub(super) fn average(to: &mut Volume, other: &Volume) {
     for (key, number) in other.blocks.sorted() {
         let from = other.blocks.get(number);
@@ -222,7 +220,7 @@ pub(super) fn average(to: &mut Volume, other: &Volume) {
     }
 }
 
-/// What two maps know of a voxel. Free space of one takes no surface from the other: who knows which of them is the newer one.
+/// Combines a voxel of two maps. Free space of one does not remove a surface of the other, as it is unknown which map is newer.
 fn joined(a: Voxel, b: Voxel) -> Voxel {
     if b.weight == 0 {
         return if a == Voxel::default() { b } else { a };

@@ -1,4 +1,4 @@
-//! Laws of maps that are moved and put together.
+//! Properties of transformed and merged maps.
 
 use super::*;
 use crate::block::FULL;
@@ -12,7 +12,7 @@ use stillpoint_imaging::Simd;
 
 const RADIUS: f64 = 0.35;
 
-/// A ball around the origin, seen three times from each direction that `from` takes, and what moved before it.
+/// A ball around the origin, observed three times from each direction that `from` accepts, with a moving object before it.
 fn ball(voxel: f64, cell: f64, from: impl Fn(&Vec3) -> bool) -> DenseMap {
     let config = DenseConfig {
         cell,
@@ -37,7 +37,7 @@ fn whole(voxel: f64) -> DenseMap {
     ball(voxel, 0.05, |_| true)
 }
 
-/// Mean and largest distance of a mesh's corners to the ball around a point, and its area, all as the ball's mesh should have them: m, and 1.
+/// Mean and maximum distance of a mesh's vertices to the ball around a point, and the relative area.
 fn errors(map: &DenseMap, centre: &Vec3, options: &MeshOptions) -> [f64; 3] {
     let mesh = map.mesh(options);
     let off = (0..mesh.positions.len() as u32).map(|i| {
@@ -54,7 +54,7 @@ fn errors(map: &DenseMap, centre: &Vec3, options: &MeshOptions) -> [f64; 3] {
     ]
 }
 
-/// Every voxel that was near a surface: block, number, distance, weight and colour.
+/// Every voxel near a surface: block, index, distance, weight and colour.
 fn known(map: &DenseMap) -> Vec<([i32; 3], usize, i16, u16, u32)> {
     let mut known = Vec::new();
     for (key, number) in map.volume.blocks.sorted() {
@@ -71,7 +71,7 @@ fn by_the_identity_a_map_is_the_same() {
     assert!(map.blocks() > 20 && map.crossed_cells() > 5);
     let moved = map.moved(&Se3::identity());
     assert!(moved.to_bytes() == map.to_bytes());
-    // So it is beside one that knows nothing.
+    // Merging into an empty map gives an equal map.
     let mut empty = map.emptied();
     empty.absorb(&map, &Se3::identity()).unwrap();
     assert!(empty.to_bytes() == map.to_bytes());
@@ -79,7 +79,7 @@ fn by_the_identity_a_map_is_the_same() {
     let far = Se3::exp(&Vec6::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6));
     with_nothing.absorb(&map.emptied(), &far).unwrap();
     assert!(with_nothing.to_bytes() == map.to_bytes());
-    // Whole voxels and quarter turns lose no distance either: back again it is the same.
+    // Whole voxels and quarter turns are lossless: transforming back gives the same map.
     let quarter = Se3::exp(&Vec6::new(
         0.0,
         0.0,
@@ -97,7 +97,7 @@ fn by_the_identity_a_map_is_the_same() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(6))]
 
-    /// A ball that was moved is round, closed, coloured and where it should be; the control is not.
+    /// A transformed ball is round, closed, coloured and in place; the control is not.
     #[test]
     fn a_moved_ball_is_where_it_should_be(
         turn in prop::array::uniform3(-2.0_f64..2.0),
@@ -117,7 +117,7 @@ proptest! {
         prop_assert!(errors(&map, &centre, &MeshOptions::default())[0] > voxel || centre.norm() < 0.1);
     }
 
-    /// What was not known is not made up, and what is known is what interpolation says.
+    /// Unknown space stays unknown, and known distances equal the interpolation.
     #[test]
     fn nothing_is_made_up(turn in prop::array::uniform3(-2.0_f64..2.0), step in prop::array::uniform3(-1.0_f64..1.0)) {
         let map = ball(0.03, 0.05, |d| d.x > 0.0);
@@ -132,7 +132,7 @@ proptest! {
                 let expected = map.distance(&back.transform(&p));
                 if block.weight[i] > 0 {
                     let found = f64::from(block.distance[i]) / f64::from(FULL) * map.volume.truncation;
-                    // At borders of what was measured a voxel is what the nearest one was.
+                    // At the border of measured space a voxel takes the value of the nearest one.
                     let near = (back.transform(&p) / 0.03).map(|v| v.round() as i32);
                     prop_assert!(map.volume.voxel_at(near.into()).is_some_and(|v| v.1 > 0));
                     let off = expected.map_or(0.0, |d| (d - found).abs());
@@ -147,7 +147,7 @@ proptest! {
         prop_assert!(known > 1000 && borders * 3 < known, "{known} {borders}");
     }
 
-    /// Where the moved map says free, the map was free; what was crossed is crossed.
+    /// Cells that are free in the transformed map were free; crossed cells stay crossed.
     #[test]
     fn cells_are_carried_over_with_care(
         turn in prop::array::uniform3(-2.0_f64..2.0),
@@ -172,7 +172,7 @@ proptest! {
                 kept += usize::from(at_point(p) == Occupancy::Free);
             }
         });
-        // Others are those in which the surface is now in a neighbouring cell.
+        // In the others the surface moved to a neighbouring cell.
         prop_assert!(free > 500 && kept as f64 > 0.97 * 3.0 * f64::from(free), "{free} {kept}");
         let mut crossed = 0;
         map.cells.for_each(|at, _, count| {
@@ -202,7 +202,7 @@ fn two_halves_become_a_whole_in_the_axes_of_the_first() {
         alone[2] < 0.9 && (both[2] - all[2]).abs() < 0.03,
         "{alone:?} {both:?} {all:?}"
     );
-    // The same bytes again; and the control, put together without the motion.
+    // Reproducible; and the control, merged without the transform.
     let [mut again, _] = halves();
     again.absorb(&other, &pose).unwrap();
     assert!(again.to_bytes() == first.to_bytes());
@@ -228,7 +228,7 @@ fn means_are_by_weight_and_free_space_takes_nothing_away() {
     map.absorb(&wall(1.02, 3), &Se3::identity()).unwrap();
     let step = at(&map) - before;
     assert!((step - 0.02 / 3.0).abs() < 5e-4, "{step}");
-    // A thing that one of both saw through, at whatever time, is there, and so is its cell.
+    // An object that one map saw through stays, and so does its cell.
     let there = |map: &DenseMap| {
         let wall = map.distance(&Vec3::new(0.01, 0.02, 1.0));
         let cell = map.occupancy(&Vec3::new(0.01, 0.02, 1.0));

@@ -1,18 +1,18 @@
-//! A mesh of fewer triangles, to be looked at.
+//! Mesh simplification for display.
 
 use super::Mesh;
 use std::collections::BTreeMap;
 use stillpoint_geometry::Vec3;
 
 impl Mesh {
-    /// The mesh with at most so many triangles, or as it is where it has no more: corners within a cube become one, the cubes as small as that allows.
-    /// Clustering of vertices: Rossignac, Borrel, Geometric Modeling in Computer Graphics, 1993.
+    /// A mesh with at most this many triangles, or an equal one: vertices within a cube are merged, with the smallest sufficient cubes.
+    /// Vertex clustering: Rossignac, Borrel, Geometric Modeling in Computer Graphics, 1993.
     #[must_use]
     pub fn with_triangles(&self, most: usize) -> Self {
         if self.triangles.len() <= most {
             return self.clone();
         }
-        // A surface in cubes of this side has about two triangles for each.
+        // A surface has about two triangles per cube of this side.
         let mut side = (2.0 * self.area() / most.max(1) as f64).sqrt().max(1e-3);
         loop {
             let coarse = self.clustered(side);
@@ -23,7 +23,7 @@ impl Mesh {
         }
     }
 
-    /// One corner with its colour of each cube of this side (m): the first, so that the same mesh gives the same points.
+    /// One vertex with its colour for each cube of this side (m): the first, so that the result is reproducible.
     #[must_use]
     pub fn thinned(&self, side: f64) -> Vec<([f32; 3], [u8; 3])> {
         let mut taken = BTreeMap::new();
@@ -76,7 +76,6 @@ impl Mesh {
     }
 }
 
-/// The same triangle, from its least corner on.
 fn least_first([a, b, c]: [u32; 3]) -> [u32; 3] {
     if a < b && a < c {
         [a, b, c]
@@ -91,7 +90,7 @@ fn least_first([a, b, c]: [u32; 3]) -> [u32; 3] {
 mod tests {
     use super::*;
 
-    /// A square of so many small ones along a side, red on the left and blue on the right.
+    /// A square of `n` x `n` small ones, red on the left and blue on the right.
     fn square(n: u32) -> Mesh {
         let at = |i: u32| [i % (n + 1), i / (n + 1)];
         let corners = (n + 1) * (n + 1);

@@ -6,10 +6,9 @@ use crate::block::{Key, KeyMap, SIDE, VOXELS};
 use crate::volume::Volume;
 use crate::window::{MARGIN, Window, wide};
 
-/// No corner of the mesh lies on this edge yet.
 const NONE: u32 = u32::MAX;
 
-/// Numbers of the corners on the edges that begin at a block's voxels: `3 voxel + axis`.
+/// Vertex indices on the edges that begin at a block's voxels: `3 voxel + axis`.
 type Edges = Box<[u32; 3 * VOXELS]>;
 
 struct Extraction {
@@ -40,7 +39,7 @@ impl Volume {
         mesh
     }
 
-    /// The keys of all blocks and of those just before them, in which the surface may be carried on.
+    /// The keys of all blocks and of their lower neighbours, into which the surface may be extrapolated.
     fn with_those_before(&self) -> Vec<Key> {
         let all = self.blocks.sorted().into_iter().flat_map(|(key, _)| {
             (0..8).map(move |n| {
@@ -73,7 +72,7 @@ impl Extraction {
         }
     }
 
-    /// The number of the corner on an edge of a cube, which is made if it is the first to be asked for.
+    /// The index of the vertex on an edge of a cube, which is created on first use.
     fn corner(&mut self, key: Key, window: &Window, cube: [usize; 3], edge: usize) -> u32 {
         let (start, axis) = (EDGE_STARTS[edge], edge / 4);
         let from: [usize; 3] = std::array::from_fn(|k| cube[k] + (start >> k & 1));
@@ -97,7 +96,7 @@ impl Extraction {
             let along = if k == axis { way } else { 0.0 };
             ((base[k] + from[k] as f64 + along) * self.voxel) as f32
         }));
-        // One that no pixel coloured takes after the other.
+        // A voxel without colour takes that of the other.
         let rgb = |i: usize| Some(window.colour[i]).filter(|c| c & 0xff_ffff != 0);
         let (ca, cb) = (rgb(a).or(rgb(b)), rgb(b).or(rgb(a)));
         let (ca, cb) = (ca.unwrap_or(0), cb.unwrap_or(0));

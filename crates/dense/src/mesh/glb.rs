@@ -1,19 +1,19 @@
-//! Meshes as glTF 2.0 in one file (GLB): what browsers, Windows and Blender show.
+//! Writes meshes as glTF 2.0 in one file (GLB), for browsers, Windows and Blender.
 
 use super::Mesh;
 use std::io::{Error, ErrorKind, Result, Write};
 use stillpoint_geometry::{Vec3, nalgebra::UnitQuaternion};
 
-/// Bytes of a corner: position and normal in floats, colour with one byte that is always full.
+/// Bytes per vertex: position and normal as floats, colour with a constant alpha byte.
 const POSITIONS: usize = 12;
 const COLOUR: usize = 4;
 
 impl Mesh {
-    /// Writes it. `up` is the direction away from the floor in the world, which glTF calls y; a world that begins with a camera held upright has
-    /// it along -y.
+    /// Writes it. `up` is the direction away from the floor in the world, which becomes y in glTF; for a world that begins with an upright
+    /// camera it is -y.
     ///
     /// # Errors
-    /// What the writer says; and a mesh of more than 4 GiB, which the format cannot hold.
+    /// Errors of the writer, and a mesh of more than 4 GiB, which the format cannot hold.
     pub fn write_glb(&self, mut to: impl Write, up: Option<&Vec3>) -> Result<()> {
         let (corners, triangles) = (self.positions.len(), self.triangles.len());
         let sizes = [
@@ -77,7 +77,7 @@ impl Mesh {
                 UnitQuaternion::from_axis_angle(&Vec3::x_axis(), std::f64::consts::PI)
             });
         let [x, y, z, w] = <[f64; 4]>::from(turn.coords);
-        // A file without a mesh is a scene without nodes.
+        // glTF forbids empty meshes: writes a scene without nodes.
         if self.triangles.is_empty() {
             return r#"{"asset":{"version":"2.0","generator":"Stillpoint"},"scene":0,"scenes":[{}]}"#.to_owned();
         }
@@ -105,7 +105,6 @@ impl Mesh {
         )
     }
 
-    /// The box around all corners.
     fn bounds(&self) -> [[f32; 3]; 2] {
         let first = self.positions.first().copied().unwrap_or_default();
         self.positions.iter().fold([first; 2], |[least, most], p| {

@@ -1,9 +1,9 @@
-//! Small pieces that hang together with nothing: what is left of things that moved, and of noise.
+//! Removes small disconnected pieces: noise and remains of moved objects.
 
 use super::Mesh;
 
 impl Mesh {
-    /// Removes the connected pieces of less than an area, m^2, and the corners that only they have.
+    /// Removes the connected components with less area than this, m^2, and their vertices.
     pub(super) fn remove_islands(&mut self, min_area: f64) {
         if min_area <= 0.0 {
             return;
@@ -39,7 +39,7 @@ impl Mesh {
     }
 }
 
-/// The root of a tree, with the way to it made shorter.
+/// Union-find root, with path compression.
 fn find(root: &mut [u32], mut i: u32) -> u32 {
     while root[i as usize] != i {
         let up = root[root[i as usize] as usize];
@@ -51,6 +51,6 @@ fn find(root: &mut [u32], mut i: u32) -> u32 {
 
 fn join(root: &mut [u32], a: u32, b: u32) {
     let (a, b) = (find(root, a), find(root, b));
-    // The smaller number stays, whatever the order of triangles.
+    // The smaller index becomes the root, independent of the triangle order.
     root[a.max(b) as usize] = a.min(b);
 }

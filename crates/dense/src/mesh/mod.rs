@@ -9,25 +9,25 @@ mod table;
 
 use stillpoint_geometry::Vec3;
 
-/// Triangles with shared corners.
+/// Triangles with shared vertices.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// m, world.
     pub positions: Vec<[f32; 3]>,
-    /// Unit vectors out of the surface, to where the cameras were.
+    /// Unit vectors out of the surface, towards the cameras.
     pub normals: Vec<[f32; 3]>,
     /// Red, green, blue.
     pub colours: Vec<[u8; 3]>,
-    /// Corners of each triangle, counter-clockwise as seen from outside.
+    /// Vertices of each triangle, counter-clockwise as seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Which surfaces a mesh has.
+/// Which surfaces a mesh contains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshOptions {
-    /// Frames in which a surface was seen, less those that saw through, at least.
+    /// Minimum number of frames that saw a surface, minus those that saw through it.
     pub min_seen: u8,
-    /// Connected pieces of less area are left out, m^2.
+    /// Connected components with less area are left out, m^2.
     pub min_area: f64,
 }
 
@@ -41,7 +41,7 @@ impl Default for MeshOptions {
 }
 
 impl Mesh {
-    /// Sets the normals: at each corner the mean of its triangles, by area.
+    /// Sets the normals: at each vertex the mean of its triangles, weighted by area.
     fn set_normals(&mut self) {
         let mut sums = vec![Vec3::zeros(); self.positions.len()];
         for t in &self.triangles {
@@ -50,20 +50,20 @@ impl Mesh {
         }
         let unit = |n: &Vec3| {
             let length = n.norm();
-            // A triangle without area has no normal; any unit vector is one for readers that insist.
+            // A triangle without area has no normal; any unit vector satisfies readers.
             let n = if length > 0.0 { n / length } else { Vec3::z() };
             [n.x as f32, n.y as f32, n.z as f32]
         };
         self.normals = sums.iter().map(unit).collect();
     }
 
-    /// Normal of a triangle, as long as twice its area.
+    /// Normal of a triangle, with twice its area as length.
     fn area_vector(&self, t: &[u32; 3]) -> Vec3 {
         let [a, b, c] = t.map(|i| self.position(i));
         (b - a).cross(&(c - a))
     }
 
-    /// A corner, m.
+    /// A vertex, m.
     #[must_use]
     pub fn position(&self, i: u32) -> Vec3 {
         Vec3::from(self.positions[i as usize].map(f64::from))

@@ -1,13 +1,13 @@
-//! Meshes as PLY, binary: what MeshLab, Blender, CloudCompare and Open3D read.
+//! Writes meshes as binary PLY, for MeshLab, Blender, CloudCompare and Open3D.
 
 use super::Mesh;
 use std::io::{Result, Write};
 
 impl Mesh {
-    /// Writes it: corners with x y z (m, world), nx ny nz, red green blue; faces as lists of corners.
+    /// Writes it: vertices with x y z (m, world), nx ny nz, red green blue; faces as index lists.
     ///
     /// # Errors
-    /// What the writer says.
+    /// Errors of the writer.
     pub fn write_ply(&self, mut to: impl Write) -> Result<()> {
         let floats = ["x", "y", "z", "nx", "ny", "nz"].map(|n| format!("property float {n}\n"));
         let bytes = ["red", "green", "blue"].map(|n| format!("property uchar {n}\n"));

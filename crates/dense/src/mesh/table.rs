@@ -1,15 +1,14 @@
-//! How a surface runs through a cube whose corners are inside or outside: the cases of marching cubes (Lorensen, Cline, SIGGRAPH 1987),
-//! derived instead of listed.
+//! The cases of marching cubes (Lorensen, Cline, SIGGRAPH 1987), derived instead of listed.
 //!
-//! On each face of the cube the surface runs around every group of neighbouring corners that are inside; where two lie across from each
-//! other, around each alone. What happens on a face depends on the face only, so two cubes agree on what they share, and the surface is
-//! closed wherever all is known (the ambiguity that Nielson, Hamann, IEEE Visualization 1991 describe).
+//! On each face of the cube the surface separates each group of adjacent inside corners; diagonally opposite ones are separated from each
+//! other. The result on a face depends only on that face, so that adjacent cubes agree, and the surface is closed wherever everything is
+//! known (the ambiguity described by Nielson, Hamann, IEEE Visualization 1991).
 
 /// Corner `c` is at `x = c & 1, y = c >> 1 & 1, z = c >> 2`. Edge `4 axis + k` begins at this corner and goes along its axis.
 pub(super) const EDGE_STARTS: [usize; 12] = [0, 2, 4, 6, 0, 1, 4, 5, 0, 1, 2, 3];
 
-/// Triangles of each of the 256 cases, as edges; bit `c` of the case says that corner `c` is inside. Seen from the outside of the surface
-/// they turn counter-clockwise.
+/// Triangles of each of the 256 cases, as edges; bit `c` of the case says that corner `c` is inside. Counter-clockwise as seen from outside
+/// of the surface.
 pub(super) struct Table(Vec<Vec<[u8; 3]>>);
 
 impl Table {
@@ -22,7 +21,6 @@ impl Table {
     }
 }
 
-/// The edge between two corners.
 fn edge(a: usize, b: usize) -> usize {
     let (start, axis) = (a & b, (a ^ b).trailing_zeros() as usize);
     let found = (0..4).find(|k| EDGE_STARTS[4 * axis + k] == start);
@@ -45,7 +43,7 @@ fn faces() -> [[usize; 4]; 6] {
 
 fn triangles(case: usize) -> Vec<[u8; 3]> {
     let inside = |c: usize| case >> c & 1 == 1;
-    // From each edge that the surface crosses, the next one on its way around.
+    // For each edge that the surface crosses, the next one along the contour.
     let mut next = [None; 12];
     for face in faces() {
         for i in 0..4 {
@@ -53,7 +51,7 @@ fn triangles(case: usize) -> Vec<[u8; 3]> {
             if inside(before) || !inside(first) {
                 continue;
             }
-            // A group of corners inside begins here; it ends before the first one that is outside.
+            // A group of inside corners starts here; find its end.
             let mut k = i + 1;
             while inside(face[(k + 1) % 4]) {
                 k += 1;
@@ -78,8 +76,8 @@ fn triangles(case: usize) -> Vec<[u8; 3]> {
     out
 }
 
-/// Cuts a ring of edges into triangles, without a cut along a face of the cube: the neighbouring cube may have the same one, and an edge would
-/// be shared by four triangles.
+/// Triangulates a ring of edges without a diagonal on a face of the cube: the adjacent cube may have the same diagonal, and an edge would
+/// belong to four triangles.
 fn cut(ring: &[usize]) -> Option<Vec<[u8; 3]>> {
     let n = ring.len();
     if n < 3 {
@@ -103,7 +101,6 @@ fn cut(ring: &[usize]) -> Option<Vec<[u8; 3]>> {
     None
 }
 
-/// Whether two edges lie on the same face.
 fn on_one_face(a: usize, b: usize) -> bool {
     let ends = |e: usize| [EDGE_STARTS[e], EDGE_STARTS[e] | 1 << (e / 4)];
     faces().iter().any(|face| {
@@ -139,7 +136,7 @@ mod tests {
         }
     }
 
-    /// Within a cube an edge of a triangle is used twice, in both directions, unless it is on a face.
+    /// Within a cube each triangle edge is used twice, in both directions, unless it is on a face.
     #[test]
     fn surfaces_end_on_faces_only() {
         let table = Table::new();

@@ -1,4 +1,4 @@
-//! What has been carried away: cameras see through its place.
+//! Detects removed objects: cameras see through their places.
 
 use super::carve::evenly;
 use super::look::{Placed, Shown};
@@ -6,29 +6,29 @@ use super::merge::Part;
 use std::collections::BTreeSet;
 use stillpoint_geometry::Vec3;
 
-/// Points whose places are looked at.
+/// Number of surface points that are checked.
 const POINTS: usize = 80;
-/// Points that say anything, at least.
+/// Minimum number of points that are visible or seen through.
 const LEAST_POINTS: usize = 6;
-/// Share of the points behind which a look sees something from which the place is empty. Borders always do; a chair is full of gaps.
+/// Share of seen-through points from which a view shows the place as empty. Borders are always seen through; a chair is full of gaps.
 const EMPTY: f64 = 0.7;
-/// Share of the points that have a surface from which the thing is there.
+/// Share of points with a surface from which the object is present.
 const THERE: f64 = 0.5;
-/// Looks in a row that have to see through: people and poses err for a moment.
+/// Number of consecutive views that must see through, to bridge people and pose errors.
 const LEAST_LOOKS: usize = 6;
-/// Things are found a little farther away than they were so far.
+/// Factor on the largest depth at which the object was detected, up to which a missed detection counts.
 const FARTHER: f64 = 1.05;
 
-/// What the looks of a run say of a thing that they could see.
+/// Evidence of a run's views about a known object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Presence {
-    /// Looks that showed it and in which it was not found, though it was as near as when it was.
+    /// Number of views that show it without a detection, although it was as near as when detected.
     pub(crate) missed: u32,
-    /// Whether the last looks at its place saw through it.
+    /// Whether the last views at its place saw through it.
     pub(crate) gone: bool,
 }
 
-/// The looks that show a thing where it is.
+/// The views in which the object is visible.
 pub(crate) fn shown(part: &Part, looks: &[Placed<'_>]) -> BTreeSet<usize> {
     let points = probes(part);
     let shows = |l: &usize| {
@@ -38,13 +38,11 @@ pub(crate) fn shown(part: &Part, looks: &[Placed<'_>]) -> BTreeSet<usize> {
     (0..looks.len()).filter(shows).collect()
 }
 
-/// The points whose places are looked at.
 fn probes(part: &Part) -> Vec<Vec3> {
     let all: Vec<Vec3> = part.points.iter().map(|p| p.1).collect();
     evenly(&all, POINTS).into_iter().map(|i| all[i]).collect()
 }
 
-/// Goes through the looks in the order of time.
 pub(crate) fn presence(part: &Part, looks: &[Placed<'_>]) -> Presence {
     let points = probes(part);
     let mut presence = Presence::default();
@@ -69,7 +67,7 @@ pub(crate) fn presence(part: &Part, looks: &[Placed<'_>]) -> Presence {
     presence
 }
 
-/// Whether a look shows a thing, or through it; none where it says neither.
+/// True if a view shows the object, false if it sees through it; `None` if undecided.
 fn verdict(points: &[Vec3], placed: &Placed<'_>) -> Option<bool> {
     let (mut there, mut nearer, mut farther) = (0, 0, 0);
     for p in points {

@@ -1,7 +1,7 @@
-//! Which sightings are of one thing: those whose boxes are where its surface is in sight.
+//! Assigns detections to objects by their visible surfaces.
 //!
-//! Trackers take one book for the next. So their tracks are a beginning only: each is carved into a surface, every sighting goes to the surface of its class
-//! that explains its box best, and what is left is carved again.
+//! Trackers confuse similar objects, such as books. So tracks are only the initial groups: each is carved into a surface, every detection
+//! goes to the surface of its class that explains its box best, and the rest is carved again.
 
 use super::carve::{Carved, Task, around, carve, evenly, overlap};
 use super::claims::{Claimant, Claims};
@@ -14,7 +14,6 @@ use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 use stillpoint_map::SubmapId;
 
-/// Sightings of what may be one thing.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     pub(crate) submap: SubmapId,
@@ -23,26 +22,24 @@ pub(crate) struct Group {
     pub(crate) carved: Carved,
 }
 
-/// How often sightings are assigned anew: the second time mends what the first one could not know.
+/// Number of reassignments: the second one corrects errors of the first.
 const ROUNDS: usize = 2;
-/// Points of a surface that are looked at.
+/// Number of surface points that are compared with boxes.
 const POINTS: usize = 160;
-/// Surfaces that meet the borders of their own boxes less explain no others.
+/// Minimum fit of a surface to its own boxes for it to explain others.
 const LEAST_FIT: f64 = 0.4;
-/// A box that overlaps less with what is in sight of a surface is not explained by it.
+/// Minimum overlap of a box with the visible part of a surface that explains it.
 const LEAST_OVERLAP: f64 = 0.4;
-/// Of surfaces that explain a box alike, the one that explains the others better: what this counts beside the overlap.
+/// Weight of a surface's fit to its own boxes relative to the overlap, when several surfaces explain a box.
 const TRUST: f64 = 0.2;
 
-/// Looks, and whose points are whose in them.
+/// The views, and the owners of their points.
 pub(crate) struct Sights<'a> {
     pub(crate) looks: &'a [Placed<'a>],
     pub(crate) owners: &'a [Vec<u16>],
-    /// Of every sighting the part of its box in which there is depth.
     pub(crate) measured: &'a [Vec<Option<[f32; 4]>>],
 }
 
-/// Carves groups of sightings and assigns these anew.
 pub(crate) fn assign(
     groups: Vec<(SubmapId, Vec<Seen>)>,
     sights: &Sights<'_>,
@@ -53,7 +50,7 @@ pub(crate) fn assign(
         .filter_map(|(submap, seen)| group(submap, seen, &|_| false, sights, world))
         .collect();
     for _ in 0..ROUNDS {
-        // Stable: of equals the one that was seen first.
+        // The stable sort keeps ties in the order of first detection.
         carved.sort_by_key(|g| std::cmp::Reverse(g.seen.len()));
         let parts = again(&carved, sights, world);
         let claims = Claims::new(&carved);
@@ -67,7 +64,7 @@ pub(crate) fn assign(
     carved
 }
 
-/// A group with its surface, without the points that are taken; none of no sightings.
+/// A group with its carved surface, without points claimed by others; `None` without detections.
 fn group(
     submap: SubmapId,
     seen: Vec<Seen>,
@@ -96,7 +93,7 @@ fn group(
     })
 }
 
-/// The sightings of each surface, and those of each group that none explains; with what they were taken for so far.
+/// The detections that each surface explains, and those of each group without an explanation, with their previous classification.
 fn again(groups: &[Group], sights: &Sights<'_>, world: &World<'_>) -> Vec<(Claimant, Vec<Seen>)> {
     let surfaces: Vec<Vec<Vec3>> = groups
         .iter()
@@ -128,7 +125,7 @@ fn again(groups: &[Group], sights: &Sights<'_>, world: &World<'_>) -> Vec<(Claim
                     best = Some((worth, k));
                 }
             }
-            // Of two boxes in a look, one is of the thing.
+            // At most one box per view belongs to an object.
             match best {
                 Some((worth, k)) => match explained[k].insert(*l, (worth, *s)) {
                     Some(before) if before.0 >= worth => {
@@ -161,7 +158,7 @@ fn again(groups: &[Group], sights: &Sights<'_>, world: &World<'_>) -> Vec<(Claim
     parts
 }
 
-/// How well what is in sight of a surface meets a box; with its feet where it stands on a floor.
+/// Overlap of a box with the visible part of a surface, including its feet if it stands on a floor.
 fn meets(surface: &[Vec3], placed: &Placed<'_>, bounds: &[f32; 4], floor: Option<&Floor>) -> f64 {
     let extents = surface.iter().filter_map(|p| placed.extent(p, floor));
     overlap(around(extents), bounds)

@@ -1,7 +1,7 @@
-//! Where a thing is by its boxes alone.
+//! Locates an object by its boxes alone.
 //!
-//! Of what is black or shines a depth camera measures next to nothing, so that no surface meets the borders of its boxes. But boxes from several places say
-//! where it is: left and right borders are bearings, and between those of a thing about as deep as it is wide is a square on the floor.
+//! A depth camera hardly measures black or shiny objects, so that no surface matches their boxes. But the left and right borders of boxes
+//! from several places are bearings, and determine a square on the floor for an object of similar width and depth.
 
 use super::ends::sides;
 use super::look::{Placed, Shown};
@@ -13,54 +13,50 @@ use stillpoint_detection::ClassId;
 use stillpoint_geometry::nalgebra::{Matrix2, Rotation2};
 use stillpoint_geometry::{Mat3, Vec2, Vec3};
 
-/// What is longer than this many times its width looks different from everywhere: its boxes do not say where it is.
+/// Maximum ratio of length to width: the appearance of longer objects depends on the viewpoint, and their boxes do not locate them.
 const ROUND: f64 = 1.2;
-/// Looks in which it has to be found.
+/// Minimum number of views with a detection.
 const LEAST_LOOKS: usize = 4;
-/// Borders that say something, at least.
+/// Minimum number of usable borders.
 const LEAST_BORDERS: usize = 6;
-/// Borders of detected boxes are off by this, px.
+/// Standard deviation of detected box borders, px.
 const JITTER: f64 = 6.0;
-/// Borders that are off by more than this are wrong, px.
+/// Error above which a border counts as an outlier, px.
 const WRONG: f64 = 2.0 * JITTER;
-/// At most this share of the borders may be wrong.
+/// Maximum share of outliers.
 const MOST_WRONG: f64 = 0.25;
-/// How surely its place has to be known: standard deviation, m.
+/// Maximum standard deviation of the position, m.
 const CERTAIN: f64 = 0.15;
-/// Nearer to the border of the image a box is cut off, px.
+/// Distance from the image border within which a box counts as cut off, px.
 const RIM: f64 = 12.0;
-/// What is this much nearer beside a border hides the thing's own one, m.
+/// Depth difference by which a nearer surface beside a border occludes it, m.
 const NEARER: f64 = 0.3;
-/// What is looked at beside a border, px from it, and as shares of the box's height.
+/// Where occlusion is checked: distance from the border, px, and shares of the box's height.
 const BESIDE: f64 = 9.0;
 const ROWS: [f64; 3] = [0.2, 0.5, 0.8];
-/// What is farther off counts less (Huber), in `JITTER`.
+/// Huber threshold, in `JITTER`.
 const HUBER: f64 = 1.5;
-/// Directions of its sides that are tried.
+/// Number of orientations that are tried.
 const TURNS: u32 = 6;
-/// Steps of Gauss and Newton; three are usual.
+/// Maximum number of Gauss-Newton steps; three are usual.
 const STEPS: usize = 10;
-/// Farther away nothing is told, m.
 const FAR: f64 = 6.0;
-/// Height of its body above the floor, m: that of a seat.
+/// Height of the object's body above the floor, m: that of a seat.
 const BODY: f64 = 0.45;
-/// Heights that it has, m.
+/// Range of object heights, m.
 const HEIGHTS: [f64; 2] = [0.5, 2.2];
-/// Share of what looks show in the place of its body that may be behind it.
+/// Maximum share of the body's points that views may see through.
 const MOST_THROUGH: f64 = 0.4;
 
-/// A thing that stands on the floor.
 #[derive(Clone, Debug)]
 pub(crate) struct Standing {
-    /// Places of its body, and the corners of its box.
+    /// Points on its body, and the corners of its box.
     pub(crate) points: Vec<(Point, Vec3)>,
-    /// The sightings that it was found in.
     pub(crate) seen: Vec<Seen>,
-    /// The largest depth at which it was found, m.
     pub(crate) farthest: f64,
 }
 
-/// A square on the floor, level axes.
+/// A square on the floor, in level axes.
 #[derive(Clone, Copy, Debug)]
 struct Square {
     centre: Vec2,
@@ -70,30 +66,27 @@ struct Square {
 }
 
 impl Square {
-    /// From its middle to its corners, of a square of half a side of 1 m.
+    /// Offsets from the centre to the corners, for half a side of 1 m.
     fn corners(&self) -> [Vec2; 4] {
         let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
         corners.map(|c| self.turn * Vec2::from(c))
     }
 }
 
-/// The left or right border of a box, from above.
+/// The left or right border of a box, seen from above.
 struct Border {
     seen: Seen,
-    /// Where the camera is, level axes.
     eye: Vec2,
-    /// Direction of the border: a unit vector, and the one to the left of it.
+    /// Direction of the border, and its left normal; unit vectors.
     ahead: Vec2,
     left: Vec2,
-    /// 1 where the thing is to the right of it, -1 where it is to the left.
+    /// 1 where the object is to the right of it, -1 to the left.
     side: f64,
-    /// Pixels per rad.
     scale: f64,
-    /// Pixels outside of the box.
     beside: [Vec2; 3],
 }
 
-/// Finds a thing of a class by its sightings; none where they do not say where it is.
+/// Locates an object of a class by its detections; `None` if they do not determine it.
 pub(crate) fn standing(
     class: ClassId,
     seen: &[Seen],
@@ -168,7 +161,7 @@ fn borders((l, s): Seen, placed: &Placed<'_>, level: &Mat3) -> Vec<Border> {
         let ahead = direction(x)?;
         let left = Rotation2::new(0.5 * PI) * ahead;
         let more = direction(x + 1.0)? - ahead;
-        // Negative where larger columns are to the right, as an upright camera has them.
+        // Negative where larger columns are to the right, as for an upright camera.
         let per_px = more.dot(&left);
         Some(Border {
             seen: (l, s),
@@ -184,7 +177,7 @@ fn borders((l, s): Seen, placed: &Placed<'_>, level: &Mat3) -> Vec<Border> {
 }
 
 impl Border {
-    /// The corner of a square that is farthest to the outside here, as from its middle, and how far outside of the border it is, px.
+    /// The outermost corner of a square, relative to its centre, and its distance outside of the border, px.
     fn outermost(&self, square: &Square) -> (Vec2, f64) {
         let outside = |corner: Vec2| {
             let to = square.centre + square.half * corner - self.eye;
@@ -196,12 +189,12 @@ impl Border {
             .fold(first, |a, b| if b.1 > a.1 { b } else { a })
     }
 
-    /// How far outside of the border a square is, px.
+    /// Signed distance of a square outside of the border, px.
     fn error(&self, square: &Square) -> f64 {
         self.outermost(square).1
     }
 
-    /// Derivatives of the error by the place of the middle and half of the side.
+    /// Derivatives of the error by the centre and half of the side.
     fn slope(&self, square: &Square) -> Vec3 {
         let (corner, _) = self.outermost(square);
         let to = square.centre + square.half * corner - self.eye;
@@ -209,7 +202,7 @@ impl Border {
         self.scale * self.side * Vec3::new(across.x, across.y, across.dot(&corner))
     }
 
-    /// Whether something nearer hides the border of a square here.
+    /// Whether something nearer occludes the border of a square.
     fn is_hidden(&self, square: &Square, looks: &[Placed<'_>], floor: &Floor) -> bool {
         let placed = &looks[self.seen.0];
         let z = placed.depth(&at_height(floor, &square.centre, BODY));
@@ -221,7 +214,7 @@ impl Border {
             seen > 0.0 && seen < z - square.half - NEARER
         };
         let own = &placed.look.sightings[self.seen.1];
-        // What is black hides others as well, and its depth is not known: screens on tables.
+        // A black object in front occludes too, with unknown depth: a screen on a table.
         let others = placed
             .look
             .sightings
@@ -239,7 +232,7 @@ impl Border {
     }
 }
 
-/// Where the lines of sight pass each other nearest.
+/// The point closest to all lines of sight.
 fn start(borders: &[Border]) -> Option<Vec2> {
     let (mut sum, mut weighted) = (Matrix2::<f64>::zeros(), Vec2::zeros());
     for b in borders {
@@ -247,23 +240,19 @@ fn start(borders: &[Border]) -> Option<Vec2> {
         sum += across;
         weighted += across * b.eye;
     }
-    // Parallel lines meet nowhere.
+    // Regularised for parallel lines.
     let inverse: Matrix2<f64> = (sum + Matrix2::identity() * 1e-6).try_inverse()?;
     Some(inverse * weighted)
 }
 
-/// The square of one direction that meets the borders best.
 struct Fit<'a> {
     square: Square,
-    /// Borders that nothing hides.
     borders: Vec<&'a Border>,
-    /// How well it meets them: the mean of Huber's costs of errors in `JITTER`.
+    /// The mean Huber cost of errors in `JITTER`.
     cost: f64,
-    /// How well its place is known, m.
     deviation: f64,
 }
 
-/// Fits a square, of usual size.
 fn fit<'a>(
     mut square: Square,
     usual: [f64; 2],
@@ -296,7 +285,7 @@ fn fit<'a>(
     })
 }
 
-/// A step towards the square that meets the borders best, and how well its place is known then, m.
+/// One Gauss-Newton step; returns the standard deviation of the position, m.
 fn improve(
     borders: &[&Border],
     mut square: Square,
@@ -313,22 +302,22 @@ fn improve(
     }
     let inverse = normal.try_inverse()?;
     let step = inverse * right;
-    // Not farther than a metre at once, and never inside out.
+    // Limits the step to a metre, and keeps the size positive.
     let step = step * (1.0 / step.norm().max(1.0));
     square.centre -= step.xy();
     square.half = (square.half - step.z).max(0.3 * half);
-    // The larger eigenvalue of the covariance of its place.
+    // The larger eigenvalue of the position's covariance.
     let [xx, yy, xy] = [(0, 0), (1, 1), (0, 1)].map(|at| inverse[at]);
     let larger = 0.5 * (xx + yy) + libm::hypot(0.5 * (xx - yy), xy);
     Some((square, libm::sqrt(larger)))
 }
 
-/// A place of the world at some height above a place on the floor, m.
+/// A world point at some height above a point on the floor, m.
 fn at_height(floor: &Floor, at: &Vec2, height: f64) -> Vec3 {
     floor.level_from_world().transpose() * Vec3::new(at.x, at.y, floor.offset + height)
 }
 
-/// How high it is by the upper borders of its boxes, m; none where that is no height of a thing.
+/// Height of the object by the upper borders of its boxes, m; `None` outside of the valid range.
 fn top(seen: &[Seen], looks: &[Placed<'_>], floor: &Floor, centre: &Vec2) -> Option<f64> {
     let level = floor.level_from_world();
     let height = |(l, s): &Seen| {
@@ -346,7 +335,7 @@ fn top(seen: &[Seen], looks: &[Placed<'_>], floor: &Floor, centre: &Vec2) -> Opt
     (HEIGHTS[0]..HEIGHTS[1]).contains(&middle).then_some(middle)
 }
 
-/// Places of its body, and the corners of its box at the body and at the top.
+/// Points on the body, and the box corners at the body and at the top.
 fn places(square: &Square, top: f64, floor: &Floor) -> (Vec<Vec3>, Vec<Vec3>) {
     let corners = square.corners().map(|c| square.half * c);
     let at =
@@ -365,7 +354,6 @@ fn places(square: &Square, top: f64, floor: &Floor) -> (Vec<Vec3>, Vec<Vec3>) {
     (body.concat(), ends.collect())
 }
 
-/// Whether looks see through a place.
 fn is_empty(places: &[Vec3], looks: &[Placed<'_>], (l, _): Seen) -> bool {
     let (mut there, mut farther) = (0_u32, 0_u32);
     for placed in looks.iter().filter(|p| p.submap == looks[l].submap) {

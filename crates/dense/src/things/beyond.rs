@@ -1,16 +1,20 @@
-//! Whether a surface goes on beyond the boxes that it was carved by.
+//! Detects surfaces that continue beyond the boxes that carved them.
 //!
-//! What is behind a thing meets the borders of its boxes as well as the thing does, since it was cut there. But it goes on behind them, and a thing ends.
+//! Background carved by an object's boxes matches their borders as well as the object does. But background continues beyond them, and the
+//! object ends.
 
 use super::look::{Placed, tolerance};
 use stillpoint_geometry::Vec2;
 
-/// Points this near to a border are at it, and what is looked at is this far beyond it, px: the small image has a point every 6 px, and boxes jitter.
+/// Distance within which points count as being at a border, and distance beyond it that is checked, px: the reduced image has a point every
+/// 6 px, and boxes jitter.
 const NEAR: f64 = 12.0;
-/// Surfaces are seen under angles of up to 70 degrees: by so many times the distance of two points across the line of sight their depths differ.
+/// Maximum depth difference of two surface points relative to their distance across the line of sight: surfaces are seen at angles up to 70
+/// degrees.
 const SLOPE: f64 = 2.7;
 
-/// Of places beyond the borders of a box, next to a point of a surface that is in sight, in how many the surface goes on, and of how many that is known.
+/// For a visible surface point, the number of checked places beyond adjacent box borders where the surface continues, and the number of
+/// places with known depth.
 pub(crate) fn beyond(placed: &Placed<'_>, bounds: &[f32; 4], px: Vec2, z: f64) -> [u32; 2] {
     let [x0, y0, x1, y1] = bounds.map(f64::from);
     let sides = [
@@ -44,7 +48,7 @@ mod tests {
     #[test]
     fn what_was_cut_by_a_box_goes_on_and_what_ends_with_it_does_not() {
         let grid = Grid::new(&Camera::pinhole(640, 480, [525.0, 525.0, 320.0, 240.0]));
-        // A surface at 2 m left of the middle of the image, a wall at 4 m right of it.
+        // A surface at 2 m left of the image centre, a wall at 4 m right of it.
         let depth = |i: usize| if grid.pixel(i).x < 320.0 { 2000 } else { 4000 };
         let look = Look {
             stamp: 0.0,
@@ -65,7 +69,7 @@ mod tests {
         assert_eq!(at(312.0, 2.0, 320.0), [0, 1]);
         assert_eq!(at(192.0, 2.0, 200.0), [1, 1]);
         assert_eq!(at(492.0, 4.0, 500.0), [1, 1]);
-        // Within the box nothing is asked, and beyond the image nothing is known.
+        // Inside the box nothing is checked, and outside of the image nothing is known.
         assert_eq!(at(192.0, 2.0, 320.0), [0, 0]);
         assert_eq!(at(636.0, 4.0, 639.0), [0, 0]);
     }

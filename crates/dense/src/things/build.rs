@@ -1,4 +1,4 @@
-//! From what was gathered to the things of a map.
+//! Builds the objects of a map from the collected views.
 
 use super::ThingMap;
 use super::absent::{presence, shown};
@@ -19,14 +19,14 @@ use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 use stillpoint_map::{MapView, SubmapId};
 
-/// Looks in which a track has to be found to be taken for anything.
+/// Minimum number of views with a detection of a track.
 const LEAST_LOOKS: usize = 2;
-/// How well its surface has to meet the borders of its boxes: where it does not, what was taken for it is something before or behind it.
+/// Minimum fit of an object's surface to its boxes: otherwise the surface belongs to something before or behind it.
 const LEAST_FIT: f64 = 0.5;
-/// How surely it may be what is behind the thing: from here on it goes on in six of ten places beyond the borders of its boxes.
+/// Maximum doubt that a surface is background: reached when it continues in six of ten places beyond the borders of its boxes.
 const MOST_DOUBT: f64 = 0.3;
 
-/// All that is known at the poses of a version of the map.
+/// The objects at the poses of a map version.
 pub(crate) fn build(things: &Things, view: &MapView) -> ThingMap {
     let looks: Vec<Placed<'_>> = things
         .looks
@@ -69,11 +69,11 @@ pub(crate) fn build(things: &Things, view: &MapView) -> ThingMap {
     }
 }
 
-/// The things of two maps that have become one: what both have is one thing, found as often as in both together. `map` is the joined one, in which the
-/// keyframes of the second have ids that are higher by `added`.
+/// Merges the objects of two joined maps; detections of common objects are added. `map` is the joined map, in which the keyframe ids of the
+/// second are raised by `added`.
 pub(crate) fn join(first: &ThingMap, second: &ThingMap, added: u32, map: &MapView) -> ThingMap {
     let second = shifted(second, added);
-    // Of submaps that have become one, the floor of the first; others keep theirs where no correction moved them.
+    // Joined submaps use the floor of the first; others keep theirs unless a correction moved them.
     let mut levels = second.levels.clone();
     levels.extend(first.levels.clone());
     levels.retain(|submap, _| map.submaps().iter().any(|s| s.0 == *submap));
@@ -99,7 +99,7 @@ pub(crate) fn join(first: &ThingMap, second: &ThingMap, added: u32, map: &MapVie
     }
 }
 
-/// The same under other ids of keyframes, and of the submaps that are named after them.
+/// A copy with raised ids of keyframes, and of the submaps named after them.
 fn shifted(map: &ThingMap, added: u32) -> ThingMap {
     let mut map = map.clone();
     let points = map.records.iter_mut().flat_map(|r| &mut r.points);
@@ -112,7 +112,7 @@ fn shifted(map: &ThingMap, added: u32) -> ThingMap {
     map
 }
 
-/// The floor of every submap: the lower one of what is known and what this run shows, which may be a table's top where no floor was in sight.
+/// The floor of every submap: the lower of the known one and that of this run, which may be a table top where no floor was visible.
 fn levels(things: &Things, looks: &[Placed<'_>]) -> BTreeMap<SubmapId, Floor> {
     let mut levels = things.known.levels.clone();
     let submaps: BTreeSet<SubmapId> = looks.iter().map(|l| l.submap).collect();
@@ -133,7 +133,7 @@ fn levels(things: &Things, looks: &[Placed<'_>]) -> BTreeMap<SubmapId, Floor> {
     levels
 }
 
-/// What earlier runs knew, as far as the map has its keyframes.
+/// Objects of earlier runs, as far as the map has their keyframes.
 fn known(map: &ThingMap, file: u8, world: &World<'_>) -> Vec<Part> {
     let part = |record: &Record| {
         let (submap, points) = record.place(world.view)?;
@@ -156,7 +156,6 @@ fn known(map: &ThingMap, file: u8, world: &World<'_>) -> Vec<Part> {
     map.records.iter().filter_map(part).collect()
 }
 
-/// What cannot be placed stays as it is.
 fn untouched(map: &ThingMap, world: &World<'_>) -> Vec<Record> {
     let lost = |r: &&Record| {
         let place = r.place(world.view);
@@ -167,10 +166,9 @@ fn untouched(map: &ThingMap, world: &World<'_>) -> Vec<Record> {
     map.records.iter().filter(lost).cloned().collect()
 }
 
-/// Sightings of one track in a submap.
 type Track = (SubmapId, Vec<Seen>);
 
-/// What the tracks of this run saw, and of each of them the sightings that no surface explains.
+/// Objects from the tracks of this run, and for each track the detections that no surface explains.
 fn tracks(looks: &[Placed<'_>], world: &World<'_>) -> (Vec<Part>, Vec<Track>) {
     let owners: Vec<Vec<u16>> = looks.iter().map(owners).collect();
     let mut seen: BTreeMap<(SubmapId, u32, u32), Vec<Seen>> = BTreeMap::new();
@@ -199,7 +197,7 @@ fn tracks(looks: &[Placed<'_>], world: &World<'_>) -> (Vec<Part>, Vec<Track>) {
     for group in groups {
         let sightings = group.seen.clone();
         if let Some(part) = part(group, looks, world) {
-            // A strip of a chair says as little of where that is as none.
+            // A fragment of a chair does not locate it.
             if can_be(part.class(), &part.bounds) {
                 explained.extend(sightings);
             }
@@ -213,7 +211,7 @@ fn tracks(looks: &[Placed<'_>], world: &World<'_>) -> (Vec<Part>, Vec<Track>) {
     (parts, rest.collect())
 }
 
-/// What no surface explains, but boxes alone say where it is; where another thing of its class is known already, that is what they are of.
+/// Locates objects that no surface explains by their boxes, unless another known object of the class is there.
 fn by_boxes(
     tracks: &[Track],
     known: &[Part],
@@ -231,7 +229,7 @@ fn by_boxes(
         } = standing(class, seen, looks, floor)?;
         let places: Vec<Vec3> = points.iter().map(|p| p.1).collect();
         let bounds = world.bounds(class, *submap, &places)?;
-        // What was found as often there by its surface is it; what was found less often is put together with it.
+        // An object found there by its surface at least as often takes precedence; otherwise both are merged.
         let is_known = known.iter().any(|p| {
             let apart = (p.bounds.centre - bounds.centre).norm();
             let reach = p.bounds.size.xy().max().max(bounds.size.xy().max());
@@ -254,7 +252,7 @@ fn by_boxes(
     tracks.iter().filter_map(one).collect()
 }
 
-/// A group of sightings as a part of a thing; none where its surface does not say where it is.
+/// Converts a group of detections to an object; `None` if its surface does not locate it.
 fn part(group: Group, looks: &[Placed<'_>], world: &World<'_>) -> Option<Part> {
     let Group {
         submap,
@@ -284,7 +282,6 @@ fn part(group: Group, looks: &[Placed<'_>], world: &World<'_>) -> Option<Part> {
     })
 }
 
-/// The sums of the scores of sightings, by class.
 fn votes(seen: &[Seen], looks: &[Placed<'_>]) -> BTreeMap<ClassId, f64> {
     let mut votes = BTreeMap::new();
     for (l, s) in seen {
@@ -294,14 +291,12 @@ fn votes(seen: &[Seen], looks: &[Placed<'_>]) -> BTreeMap<ClassId, f64> {
     votes
 }
 
-/// Stamps of the first and the last of sightings, s.
 fn stamps(seen: &[Seen], looks: &[Placed<'_>]) -> [f64; 2] {
     let stamp = |at: Option<&Seen>| at.map_or(0.0, |(l, _)| looks[*l].look.stamp);
     [stamp(seen.first()), stamp(seen.last())]
 }
 
-/// Middles of the sides that nobody saw, where a thing is taken to end. Where an earlier run knew it, that run may have seen its end: it goes on no
-/// farther than was known.
+/// Centres of unseen sides, where the object is estimated to end. An earlier run may have seen its end, which limits it.
 fn hidden(part: &Part, looks: &[Placed<'_>], world: &World<'_>) -> Vec<Point> {
     let Some(look) = part.looks.first().map(|l| &looks[*l]) else {
         let known = part.known.iter().flat_map(|r| &r.hidden);
@@ -317,10 +312,9 @@ fn hidden(part: &Part, looks: &[Placed<'_>], world: &World<'_>) -> Vec<Point> {
     hidden
 }
 
-/// What is kept of a thing.
 fn record(part: Part, missed: u32, view: &MapView) -> Record {
     let class = part.class();
-    // What no look of this run found is what it was, to the bit, but for what was missed.
+    // An object without detections in this run is stored unchanged, except for the missed views.
     if let ([known], true) = (&part.known[..], part.looks.is_empty()) {
         let mut known = known.clone();
         known.expected += missed;

@@ -1,10 +1,11 @@
-//! Things as bytes and back: what rides in a map file.
+//! Serialises objects, as stored in a map file.
 //!
-//! Little-endian: `SPTHING3`; number of floors and of things (4 each); per floor its submap (4), the unit vector away from it and its offset (4
-//! doubles); per thing its class in COCO, from 0 (1), looks in which it was found and in which it could have been (4 each), stamps of the first and the last one,
-//! largest depth (doubles), number of points (4), and per point a keyframe (4) and x, y, z in its camera, mm (2 each); then the number of its sides
-//! that nobody saw (1), and a point of each. Then the ground: number of cells (4), and per cell a point as those of things, and whether it is a wall
-//! (1). `SPTHING2` is the same without those sides, and `SPTHING1` without ground too; both are read.
+//! Little-endian: `SPTHING3`; number of floors and of things (4 each); per floor its submap (4), the unit vector away from it and its
+//! offset (4 doubles); per thing its class in COCO, from 0 (1), number of views in which it was found and in which it could have been (4
+//! each), stamps of the first and the last one, largest depth (doubles), number of points (4), and per point a keyframe (4) and x, y, z in
+//! its camera, mm (2 each); then the number of its unseen sides (1), and a point of each. Then the ground: number of cells (4), and per
+//! cell a point as those of things, and whether it is a wall (1). `SPTHING2` lacks the unseen sides, and `SPTHING1` also the ground; both
+//! are read.
 
 use super::ThingMap;
 use super::ground::Spot;
@@ -15,31 +16,31 @@ use stillpoint_geometry::Vec3;
 use stillpoint_map::{KeyframeId, SubmapId};
 
 const MAGIC: &[u8; 8] = b"SPTHING3";
-/// Of files without hidden sides.
+/// Version without unseen sides.
 const WITHOUT_SIDES: &[u8; 8] = b"SPTHING2";
-/// Of files without these and without ground.
+/// Version without unseen sides and ground.
 const WITHOUT_GROUND: &[u8; 8] = b"SPTHING1";
 
-/// Why bytes are no things.
+/// Why bytes are not objects.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ThingBytesError {
-    /// They begin otherwise.
+    /// Wrong signature.
     #[error(
         "expected things (SPTHING1 to SPTHING3), found other bytes; gather them again with --things"
     )]
     Kind,
-    /// They end too early or too late.
+    /// Wrong size.
     #[error(
         "expected things that end with their bytes, found {0}; they are damaged: gather them again with --things"
     )]
     Length(String),
-    /// A value that no things have.
+    /// An impossible value.
     #[error("expected things, found {0}; they are damaged: gather them again with --things")]
     Value(String),
 }
 
 impl ThingMap {
-    /// All of it; the same things give the same bytes.
+    /// Serialises the objects; equal objects give equal bytes.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut out = MAGIC.to_vec();
@@ -73,10 +74,10 @@ impl ThingMap {
         out
     }
 
-    /// Reads it. Memory and time are in proportion to the bytes.
+    /// Deserialises objects. Memory and time are proportional to the bytes.
     ///
     /// # Errors
-    /// [`ThingBytesError`], whatever the bytes are.
+    /// [`ThingBytesError`] for any invalid bytes.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ThingBytesError> {
         let kinds = [WITHOUT_GROUND, WITHOUT_SIDES, MAGIC];
         let found = kinds.iter().position(|k| bytes.starts_with(*k));
@@ -124,7 +125,6 @@ fn value(found: String) -> ThingBytesError {
     ThingBytesError::Value(found)
 }
 
-/// What is left of the bytes.
 struct Reader<'a>(&'a [u8]);
 
 impl Reader<'_> {
@@ -191,7 +191,6 @@ impl Reader<'_> {
         })
     }
 
-    /// A thing has four sides.
     fn sides(&mut self) -> Result<Vec<Point>, ThingBytesError> {
         let [count] = self.take()?;
         if usize::from(count) > MOST_SIDES {
@@ -283,7 +282,7 @@ mod tests {
             let map = map(records);
             let bytes = map.to_bytes();
             prop_assert_eq!(ThingMap::from_bytes(&bytes), Ok(map));
-            // Nothing may be missing or more.
+            // Missing or additional bytes are errors.
             for cut in 0..bytes.len() {
                 prop_assert!(ThingMap::from_bytes(&bytes[..cut]).is_err());
             }
@@ -311,13 +310,13 @@ mod tests {
         assert!(said(&bytes[..30]).contains("found an early end"));
         bytes[20..28].copy_from_slice(&f64::NAN.to_le_bytes());
         assert!(said(&bytes).contains("found a direction of NaN"));
-        // What was written before there was any ground is read.
+        // The version without ground is read.
         let mut old = map(Vec::new());
         old.ground.clear();
         let bytes = old.to_bytes();
         let before = [WITHOUT_GROUND, &bytes[8..bytes.len() - 4]].concat();
         assert_eq!(ThingMap::from_bytes(&before), Ok(old));
-        // The format before hidden sides can still be read.
+        // The version without unseen sides is read.
         let mut old = map(vec![Record {
             class: ClassId(56),
             found: 5,
@@ -329,11 +328,11 @@ mod tests {
         }]);
         old.ground.clear();
         let bytes = old.to_bytes();
-        // Without the byte that says that there are none, before the number of cells.
+        // Without the zero count of unseen sides before the number of cells.
         let (things, ground) = bytes.split_at(bytes.len() - 4);
         let before = [WITHOUT_SIDES, &things[8..things.len() - 1], ground].concat();
         assert_eq!(ThingMap::from_bytes(&before), Ok(old));
-        // A count is not believed before what it counts is there.
+        // A count is checked against the remaining bytes.
         let mut bytes = map(Vec::new()).to_bytes();
         bytes[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
         assert!(said(&bytes).contains("found an early end"));

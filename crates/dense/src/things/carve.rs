@@ -1,7 +1,7 @@
-//! Which points are a thing's own: carved by its boxes from all sides.
+//! Carves an object's surface points out of its boxes from all sides.
 //!
-//! A box says little of depth: what stands before a thing and what is behind it are in it as well. But a point of the thing is in nearly all boxes that see
-//! it, and the points of the thing reach to the borders of all of them; the others leave a box when the camera moves, and fill it in part.
+//! A box alone hardly limits depth: it also contains foreground and background. But a point of the object is in nearly all boxes that see
+//! it, and the object's points reach the borders of all of them; other points leave a box when the camera moves, and fill it in part.
 
 use super::assign::Sights;
 use super::beyond::beyond;
@@ -15,50 +15,50 @@ use std::collections::BTreeMap;
 use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 
-/// A point is outside of a box when it is beyond a margin around it. This part of the margin is the same for all boxes, px.
+/// Constant part of the margin around a box within which points count as inside, px.
 const MARGIN: f32 = 4.0;
-/// The margin around a box grows by this share of the box's size: detected boxes jitter.
+/// Part of the margin proportional to the box's size: detected boxes jitter.
 const MARGIN_SHARE: f32 = 0.06;
-/// Share of the boxes that a point may be outside of.
+/// Maximum share of boxes that a point may be outside of.
 const MOST_OUTSIDE: f64 = 0.25;
-/// Least share of the boxes that must contain a point.
+/// Minimum share of boxes that must contain a point.
 const LEAST_WITHIN: f64 = 0.15;
-/// What is lower above the floor is the floor, m.
+/// Height below which points belong to the floor, m.
 const SOLE: f64 = 0.05;
-/// Points closer to each other than this many cells belong to one piece.
+/// Distance in cells within which points are connected.
 const LINK_CELLS: f64 = 2.5;
-/// Points closer to each other than this many points of the small image, across and along the line of sight, belong to one piece:
-/// surfaces are seen at angles of up to 70 degrees.
+/// Distances in points of the reduced image, across and along the line of sight, within which points are connected: surfaces are seen at
+/// angles up to 70 degrees.
 const LINK_POINTS: [f64; 2] = [1.7, 2.5];
-/// What the share of a box that is filled counts beside how well its borders are met.
+/// Weight of the filled share of a box relative to the fit of its borders.
 const FILL: f64 = 0.25;
-/// A further piece has to make the borders better by this.
+/// Minimum improvement of the fit by a further component.
 const GAIN: f64 = 0.02;
-/// A further piece must be closer to the chosen pieces than this share of their size.
+/// Maximum distance of a further component from the chosen ones, as a share of their size.
 const GAP: f64 = 0.4;
 
-/// What is at the depth that the tracker took for its object is taken, where it meets the borders no worse than by this.
+/// Maximum loss of fit at which the component at the tracker's depth is preferred.
 const TRACKED: f64 = 0.05;
 
-/// A surface point with what the compared boxes say of it.
+/// A surface point with its evidence from the compared boxes.
 #[derive(Clone)]
 pub(crate) struct Cell {
     point: Point,
     pub(crate) at: Vec3,
     depth: f64,
-    /// Direction from the camera to it, world.
     ray: Vec3,
-    /// Whether it was at the depth that the tracker takes for its object.
+    /// Whether it is at the tracker's depth of the object.
     tracked: bool,
-    /// In the compared sightings, in how many places beyond the borders the surface goes on from here, and of how many that is known.
+    /// In the compared detections, the number of places beyond the borders where the surface continues from here, and of places with known
+    /// depth.
     beyond: [u32; 2],
-    /// By compared sighting, its pixels where it is in sight: see [`super::look::Placed::extent`].
+    /// By compared detection, its pixels where visible: see [`super::look::Placed::extent`].
     pixels: Vec<Option<[f32; 4]>>,
 }
 
 #[cfg(test)]
 impl Cell {
-    /// A point with its pixels in one look.
+    /// A point with its pixel in one view.
     pub(crate) fn in_one_look(at: Vec3, pixel: [f32; 2]) -> Self {
         let [x, y] = pixel;
         Self {
@@ -75,33 +75,30 @@ impl Cell {
         }
     }
 
-    /// The same where its surface goes on beyond borders, or ends there.
+    /// Sets whether its surface continues beyond the borders.
     pub(crate) fn at_border(mut self, goes_on: bool) -> Self {
         self.beyond = [u32::from(goes_on), 1];
         self
     }
 }
 
-/// The surface of what some sightings show.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Carved {
     pub(crate) points: Vec<(Point, Vec3)>,
-    /// How well they meet the borders of the boxes, 0 to 1.
+    /// Fit to the borders of the boxes, 0 to 1.
     pub(crate) fit: f64,
-    /// How surely it is what is behind the thing, 0 to 1.
+    /// Doubt that it is background, 0 to 1.
     pub(crate) doubt: f64,
 }
 
-/// Whose surface is looked for.
 pub(crate) struct Task<'a> {
     pub(crate) class: ClassId,
     pub(crate) seen: &'a [Seen],
     pub(crate) floor: Option<&'a Floor>,
-    /// Whether a point is of something else.
+    /// Whether a point is claimed by another object.
     pub(crate) taken: &'a dyn Fn(&Vec3) -> bool,
 }
 
-/// The points of the surface of what some sightings show.
 pub(crate) fn carve(task: &Task<'_>, sights: &Sights<'_>) -> Carved {
     let frames = Frames::new(task.seen, sights);
     let side = cell(task.seen, sights.looks);
@@ -139,7 +136,7 @@ pub(crate) fn carve(task: &Task<'_>, sights: &Sights<'_>) -> Carved {
     }
 }
 
-/// All that is in the boxes and belongs to no smaller one.
+/// All points in the boxes that do not belong to a smaller one.
 fn gather(task: &Task<'_>, sights: &Sights<'_>, side: f64) -> Vec<Cell> {
     let mut cells: BTreeMap<[i32; 3], Cell> = BTreeMap::new();
     for (l, s) in task.seen {
@@ -174,7 +171,7 @@ fn gather(task: &Task<'_>, sights: &Sights<'_>, side: f64) -> Vec<Cell> {
     cells.into_values().collect()
 }
 
-/// Whether a point is in nearly all boxes from which it is in sight.
+/// Whether a point is in nearly all boxes from which it is visible.
 fn is_own(cell: &mut Cell, frames: &Frames<'_>, floor: Option<&Floor>) -> bool {
     let (mut within, mut outside) = (0_u32, 0_u32);
     cell.pixels.clear();
@@ -208,7 +205,6 @@ fn is_own(cell: &mut Cell, frames: &Frames<'_>, floor: Option<&Floor>) -> bool {
     often && f64::from(outside) <= MOST_OUTSIDE * f64::from(within + outside)
 }
 
-/// Parts some of the cells into pieces whose points are near each other.
 fn pieces(cells: &[Cell], some: &[usize], side: f64, apart: f64) -> Vec<Vec<usize>> {
     let mut buckets: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
     let reach = |c: &Cell, k: usize| (LINK_CELLS * side).max(LINK_POINTS[k] * apart * c.depth);
@@ -251,7 +247,7 @@ fn pieces(cells: &[Cell], some: &[usize], side: f64, apart: f64) -> Vec<Vec<usiz
     pieces
 }
 
-/// The piece that fills the boxes best, with all others that make the borders better and do not make it larger than it can be.
+/// The component that fills the boxes best, with others that improve the fit without exceeding the maximum size.
 fn choose(cells: &[Cell], pieces: &[Vec<usize>], scope: &Scope<'_>) -> Vec<usize> {
     let boxes = scope.boxes;
     let worth = |p: &Vec<usize>| {
@@ -281,7 +277,7 @@ fn choose(cells: &[Cell], pieces: &[Vec<usize>], scope: &Scope<'_>) -> Vec<usize
     chosen
 }
 
-/// Whether the boxes around two pieces are nearer than a share of the size of the first.
+/// Whether the gap between the boxes around two components is below a share of the first's size.
 fn is_near(cells: &[Cell], first: &[usize], second: &[usize]) -> bool {
     let around = |members: &[usize]| {
         let far = Vec3::repeat(f64::INFINITY);
@@ -294,7 +290,7 @@ fn is_near(cells: &[Cell], first: &[usize], second: &[usize]) -> bool {
     gap.norm() < GAP * (a.1 - a.0).max()
 }
 
-/// How well points meet the borders of the boxes: the mean of intersection over union of each box with the one around those that are in sight.
+/// Fit of points to the boxes: the mean intersection over union of each box with that around the visible points.
 pub(crate) fn fit(cells: &[Cell], members: &[usize], boxes: &[Option<[f32; 4]>]) -> f64 {
     let (mut sum, mut count) = (0.0, 0_u32);
     for (k, b) in boxes.iter().enumerate() {
@@ -308,7 +304,6 @@ pub(crate) fn fit(cells: &[Cell], members: &[usize], boxes: &[Option<[f32; 4]>])
     sum / f64::from(count.max(1))
 }
 
-/// The box around some boxes; an inside-out one around none.
 pub(crate) fn around(pixels: impl Iterator<Item = [f32; 4]>) -> [f32; 4] {
     let far = f32::INFINITY;
     pixels.fold([far, far, -far, -far], |a, p| {
@@ -321,10 +316,10 @@ pub(crate) fn around(pixels: impl Iterator<Item = [f32; 4]>) -> [f32; 4] {
     })
 }
 
-/// Borders of boxes that differ by less say nothing, px: detected ones jitter, and points of the small image are some pixels apart.
+/// Tolerance of box borders, px: detected ones jitter, and points of the reduced image are some pixels apart.
 const SLACK: f32 = 6.0;
 
-/// Intersection over union of the box around pixels with a detected one, of which each border may be off by some pixels; 0 where one is inside out.
+/// Intersection over union of the box around pixels with a detected one, with tolerance at each border; 0 for an inverted one.
 pub(crate) fn overlap(around: [f32; 4], b: &[f32; 4]) -> f64 {
     if around[0] > around[2] {
         return 0.0;
@@ -345,7 +340,7 @@ pub(crate) fn overlap(around: [f32; 4], b: &[f32; 4]) -> f64 {
     f64::from(area(&both) / either)
 }
 
-/// The share of the places beyond the borders, next to some points, in which their surface goes on.
+/// The share of places beyond the borders, next to some points, where their surface continues.
 pub(crate) fn goes_on(cells: &[Cell], members: &[usize]) -> f64 {
     let sum = members.iter().fold([0, 0], |sum: [u32; 2], i| {
         let [on, known] = cells[*i].beyond;
@@ -354,7 +349,6 @@ pub(crate) fn goes_on(cells: &[Cell], members: &[usize]) -> f64 {
     f64::from(sum[0]) / f64::from(sum[1].max(1))
 }
 
-/// Which share of what is in sight in the boxes some points are.
 fn fill(cells: &[Cell], members: &[usize], boxes: &[Option<[f32; 4]>]) -> f64 {
     let count = |i: usize| cells[i].pixels.iter().flatten().count();
     let own: usize = members.iter().map(|i| count(*i)).sum();
@@ -367,7 +361,7 @@ fn key(p: &Vec3, cell: f64) -> [i32; 3] {
     p.map(|v| (v / cell).floor() as i32).into()
 }
 
-/// At most so many of some points, one in each of cells that are as small as they can be for that.
+/// At most `most` of some points, one per cell, with the smallest sufficient cells.
 pub(crate) fn evenly(points: &[Vec3], most: usize) -> Vec<usize> {
     let mut cell = CELLS[0];
     loop {

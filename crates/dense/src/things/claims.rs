@@ -1,6 +1,7 @@
-//! Whose points are whose, across all looks: what a detector misses in one look it finds in others.
+//! Ownership of points across all views: an object missed in one view is detected in others.
 //!
-//! A surface that explains its boxes well claims its points, so that a table is not carved out of the screen that hides it, nor a chair out of the desk before it.
+//! A surface that explains its boxes well claims its points, so that a table is not carved out of the screen that hides it, nor a chair out
+//! of the desk before it.
 
 use super::assign::Group;
 use super::part::stands;
@@ -11,19 +12,17 @@ use stillpoint_map::SubmapId;
 
 /// Side of the cells in which points are claimed, m.
 const CELL: f64 = 0.05;
-/// A surface claims points only if it meets the borders of its boxes at least this well.
+/// Minimum fit of a surface to its boxes for claiming points.
 const LEAST_FIT: f64 = 0.6;
-/// A surface claims points only if it was found in at least this many looks.
+/// Minimum number of views with a detection for claiming points.
 const LEAST_LOOKS: usize = 4;
 
-/// Who claims something.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Claimant {
     pub(crate) class: ClassId,
     pub(crate) submap: SubmapId,
-    /// How well its surface meets the borders of its boxes, 0 to 1.
+    /// Fit of its surface to its boxes, 0 to 1.
     pub(crate) fit: f64,
-    /// Diagonal of the space that its surface takes, m.
     pub(crate) size: f64,
 }
 
@@ -42,7 +41,7 @@ impl Claimant {
         }
     }
 
-    /// What stands on the floor comes after what is on it; of two that stand there the one that is explained better comes first, of two others the smaller one.
+    /// Priority: objects on others come before those on the floor; of two on the floor the better explained, of two others the smaller one.
     fn goes_before(&self, other: &Self) -> bool {
         if self.class == other.class || self.submap != other.submap {
             return false;
@@ -56,7 +55,6 @@ impl Claimant {
     }
 }
 
-/// Points that are claimed.
 #[derive(Default)]
 pub(crate) struct Claims {
     cells: BTreeMap<[i32; 3], Vec<usize>>,
@@ -80,7 +78,7 @@ impl Claims {
         claims
     }
 
-    /// Whether a point belongs to something that goes before a claimant.
+    /// Whether a point belongs to an object with priority over a claimant.
     pub(crate) fn taken(&self, p: &Vec3, by: &Claimant) -> bool {
         let cell = self.cells.get(&key(p));
         cell.is_some_and(|c| c.iter().any(|k| self.claimants[*k].goes_before(by)))

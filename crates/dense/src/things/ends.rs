@@ -1,14 +1,14 @@
-//! How far a thing goes on where nobody saw it end.
+//! Estimates the extent of an object on its unseen sides.
 //!
-//! A side of its box is where the thing ends where cameras saw that there is nothing beyond it. Where they did not, it goes on as far as things of its
-//! class do, but not into space that is empty. A box around what was seen alone has its middle on the visible surface.
+//! A side of its box is final where cameras saw empty space beyond it. Elsewhere it extends to the usual size of its class, but not into
+//! empty space. Otherwise the centre of the box would lie on the visible surface.
 
 use super::look::{Placed, Shown, tolerance};
 use super::upright::UprightBox;
 use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 
-/// Mean and standard deviation of the shorter and of the longer side across the floor, m: of what is sold for homes and offices.
+/// Mean and standard deviation of the shorter and of the longer horizontal side, m: of products for homes and offices.
 const SIZES: [(&str, [[f64; 2]; 2]); 10] = [
     ("chair", [[0.55, 0.08], [0.6, 0.08]]),
     ("dining table", [[0.8, 0.1], [1.5, 0.3]]),
@@ -21,34 +21,34 @@ const SIZES: [(&str, [[f64; 2]; 2]); 10] = [
     ("microwave", [[0.35, 0.05], [0.5, 0.05]]),
     ("suitcase", [[0.27, 0.05], [0.45, 0.08]]),
 ];
-/// Places beyond a side are looked at in steps of this, m.
+/// Step of the checked places beyond a side, m.
 const STEP: f64 = 0.05;
-/// A side ends where this share of the places beyond it was seen empty.
+/// Share of empty places beyond a side from which it is final.
 const FREE: f64 = 0.5;
-/// A place is empty if this many looks show it empty: at the borders of things, depth is sometimes that of the background.
+/// Number of views that must show a place as empty: at object borders, depth is sometimes that of the background.
 const LEAST_LOOKS: usize = 2;
-/// Looks that are asked, at most: more say the same again.
+/// Maximum number of views used: more add nothing.
 const MOST_LOOKS: usize = 100;
-/// Farther looks are too coarse, m.
+/// Maximum distance of views, m; farther ones are too coarse.
 const FAR: f64 = 5.0;
 /// Places across a side, and over its height, as shares of the box.
 const ACROSS: [f64; 5] = [-0.4, -0.2, 0.0, 0.2, 0.4];
 const HEIGHTS: [f64; 3] = [0.0, 0.2, 0.4];
-/// The top of a table is this thick, m: below it is nothing.
+/// Thickness of a table top, m: the space below it is empty.
 const TOP: f64 = 0.015;
 
-/// What goes on by less was seen to its end, m.
+/// Extensions below this are ignored, m.
 const LEAST: f64 = 0.01;
 
-/// By axis across the floor, how far a box could go on beyond its lower and its upper side, m.
+/// By horizontal axis, the possible extension beyond the lower and the upper side, m.
 pub(crate) type Rooms = [[f64; 2]; 2];
 
-/// Mean and standard deviation of the shorter and of the longer side of things of a class, m.
+/// Mean and standard deviation of the shorter and of the longer side for a class, m.
 pub(crate) fn sides(class: ClassId) -> Option<[[f64; 2]; 2]> {
     SIZES.iter().find(|s| s.0 == class.name()).map(|s| s.1)
 }
 
-/// Middles of the sides of a box that go on beyond what was seen of a thing; `known` are boxes that it goes on no farther than.
+/// Centres of the sides of the extended box; `known` are boxes that limit the extension.
 pub(crate) fn complete(
     class: ClassId,
     bounds: &UprightBox,
@@ -74,7 +74,6 @@ pub(crate) fn complete(
     ends
 }
 
-/// Leaves no room beyond what is known.
 fn within(known: &[UprightBox], bounds: &UprightBox, rooms: &mut Rooms) {
     for (k, sign) in [(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)] {
         let axis: Vec3 = sign * bounds.world_from_box.column(k);
@@ -89,7 +88,7 @@ fn within(known: &[UprightBox], bounds: &UprightBox, rooms: &mut Rooms) {
     }
 }
 
-/// The box that has the expected size, given that it is at least as large and goes on at most so far.
+/// The box of expected size, at least the seen one and within the possible extension.
 fn grown(bounds: &UprightBox, rooms: &Rooms, sizes: &[[f64; 2]; 2]) -> UprightBox {
     let likely = |turned: usize| -> f64 {
         let of = |k: usize| likelihood(bounds.size[k], rooms[k], sizes[k ^ turned]);
@@ -125,15 +124,15 @@ fn density(x: f64) -> f64 {
     libm::exp(-0.5 * x * x) / libm::sqrt(2.0 * std::f64::consts::PI)
 }
 
-/// How likely a side of that size is that goes on for some room, log.
+/// Log likelihood of a side with this seen size and possible extension.
 fn likelihood(size: f64, [low, high]: [f64; 2], [mean, deviation]: [f64; 2]) -> f64 {
     let least = (size - mean) / deviation;
-    // What was seen is exact to some centimetres.
+    // The seen size is exact to some centimetres.
     let most = (size + low + high + STEP - mean) / deviation;
     libm::log((below(most) - below(least)).max(1e-9))
 }
 
-/// The mean of a normal distribution between what was seen and what there is room for.
+/// The mean of a normal distribution truncated between the seen size and the possible one.
 fn expected(size: f64, room: f64, [mean, deviation]: [f64; 2]) -> f64 {
     let (a, b) = ((size - mean) / deviation, (size + room - mean) / deviation);
     let between = below(b) - below(a);
@@ -144,7 +143,6 @@ fn expected(size: f64, room: f64, [mean, deviation]: [f64; 2]) -> f64 {
     at.clamp(size, size + room)
 }
 
-/// How far each side could go on.
 fn rooms(class: ClassId, bounds: &UprightBox, most: f64, looks: &[&Placed<'_>]) -> Rooms {
     let near: Vec<(&Placed<'_>, f64)> = looks
         .iter()
@@ -154,7 +152,7 @@ fn rooms(class: ClassId, bounds: &UprightBox, most: f64, looks: &[&Placed<'_>]) 
     let every = near.len().div_ceil(MOST_LOOKS).max(1);
     let asked: Vec<(&Placed<'_>, f64)> = near.into_iter().step_by(every).collect();
     let depth = asked.iter().map(|a| a.1).fold(FAR, f64::min);
-    // Nearer to a surface nothing is told from it.
+    // Closer to a surface the depth is inconclusive.
     let blur = tolerance(depth);
     let table = class.name() == "dining table";
     let side = |k: usize, sign: f64| {
@@ -174,7 +172,6 @@ fn rooms(class: ClassId, bounds: &UprightBox, most: f64, looks: &[&Placed<'_>]) 
     [0, 1].map(|k| [side(k, -1.0), side(k, 1.0)])
 }
 
-/// Places of the world that are at some distance from the middle of a box along an axis.
 fn places(bounds: &UprightBox, k: usize, at: f64, table: bool) -> Vec<Vec3> {
     let top = [0.5 * bounds.size.z - TOP];
     let heights = HEIGHTS.map(|h| h * bounds.size.z);
@@ -192,7 +189,6 @@ fn places(bounds: &UprightBox, k: usize, at: f64, table: bool) -> Vec<Vec3> {
     places
 }
 
-/// Whether looks show that a place is empty.
 fn is_free(place: &Vec3, looks: &[(&Placed<'_>, f64)]) -> bool {
     let free = looks.iter().filter(|l| l.0.shows(place) == Shown::Farther);
     free.take(LEAST_LOOKS).count() == LEAST_LOOKS
@@ -209,7 +205,7 @@ mod tests {
         Grid::new(&Camera::pinhole(640, 480, [525.0, 525.0, 320.0, 240.0]))
     }
 
-    /// The sheet that is seen of a chair: half a metre wide, one high, 2 m before the first camera; z is up.
+    /// The visible surface of a chair: half a metre wide, one high, 2 m before the first camera; z is up.
     const SHEET: [f64; 3] = [0.5, 0.02, 1.0];
 
     fn sheet() -> UprightBox {
@@ -220,7 +216,7 @@ mod tests {
         }
     }
 
-    /// What a camera sees at a place from which the wall behind all is 4 m away, with its z along `ahead`.
+    /// The view of a camera whose background wall is 4 m away.
     fn look(grid: &Grid, pose: &Se3) -> Look {
         let sheet = sheet();
         let depth = |i: usize| {
@@ -242,7 +238,7 @@ mod tests {
         }
     }
 
-    /// A camera at a place that looks along a direction in the floor, turned by so much from y to -x.
+    /// A camera at a position, looking horizontally, turned by `turn` from y to -x.
     fn pose(at: [f64; 3], turn: f64) -> Se3 {
         let ahead = so3::exp(&(-Vec3::x() * std::f64::consts::FRAC_PI_2));
         Se3::new(so3::exp(&(Vec3::z() * turn)) * ahead, Vec3::from(at))
@@ -252,7 +248,7 @@ mod tests {
         let grid = grid();
         let looks: Vec<Look> = poses.iter().map(|p| look(&grid, p)).collect();
         let placed = looks.iter().zip(poses);
-        // Everything is seen twice.
+        // Each view occurs twice.
         let placed: Vec<Placed<'_>> = placed
             .flat_map(|(l, p)| [Placed::at(l, &grid, *p), Placed::at(l, &grid, *p)])
             .collect();
@@ -270,12 +266,12 @@ mod tests {
         assert!((0.5..0.7).contains(&chair.size.y), "{chair:?}");
         assert!((chair.size.x - 0.5).abs() < 0.05 && chair.centre.x.abs() < 0.02);
         assert!((chair.size.z - 1.0).abs() < 1e-12);
-        // Controls: what is behind it was seen to be empty, and screens are as thin as they look.
+        // Controls: the space behind it was seen empty, and screens are as thin as they look.
         let side = pose([2.0, 2.3, 0.8], std::f64::consts::FRAC_PI_2);
         let thin = completed("chair", &[], &[front, side]);
         assert!(thin.size.y < 0.1, "{thin:?}");
         assert_eq!(completed("tv", &[], &[front]), sheet());
-        // If an earlier run saw where the chair ends, that end is used.
+        // An end seen by an earlier run is used.
         assert_eq!(completed("chair", &[sheet()], &[front]), sheet());
     }
 
@@ -290,14 +286,14 @@ mod tests {
     fn sizes_are_expected_between_what_was_seen_and_what_there_is_room_for() {
         let desk = [0.8, 0.1];
         assert!((expected(0.3, 2.0, desk) - 0.8).abs() < 1e-3);
-        // No room, little room, and more than usual.
+        // No space, little space, and more than usual.
         assert!((expected(0.3, 0.0, desk) - 0.3).abs() < 1e-12);
         let little = expected(0.3, 0.1, desk);
         assert!((0.37..=0.4).contains(&little), "{little}");
         let large = expected(0.95, 2.0, desk);
         assert!(large > 0.95 && large < 1.02, "{large}");
         assert!((expected(2.0, 1.0, desk) - 2.0).abs() < 1e-12);
-        // Of a desk a metre of the length and half of the depth were seen, or the other way round.
+        // A metre of a desk's length and half of its depth were seen, or the other way round.
         let seen = |size: [f64; 2], rooms| {
             let bounds = UprightBox {
                 size: Vec3::new(size[0], size[1], 0.74),
@@ -311,7 +307,7 @@ mod tests {
             (desk.x - 1.5).abs() < 0.1 && (desk.y - 0.8).abs() < 0.02,
             "{desk}"
         );
-        // What was seen to end after 0.8 m is the shorter side, though it looks longer.
+        // A side seen to end after 0.8 m is the shorter one, though it looks longer.
         let desk = seen([0.8, 0.6], [[0.0; 2], free]);
         assert!((desk.x - 0.8).abs() < 1e-9 && desk.y > 1.3, "{desk}");
     }

@@ -1,19 +1,17 @@
-//! The sightings that say which points are a thing's own, and how large it is by their boxes.
+//! The detections that points are compared with, and the object size by their boxes.
 
 use super::assign::Sights;
 use super::look::Placed;
 use super::own::Seen;
 use stillpoint_geometry::Vec3;
 
-/// Sides of the cells in which points are one, as a share of a thing's size, and their bounds, m.
+/// Side of the point cells as a share of an object's size, and its bounds, m.
 const CELL: f64 = 1.0 / 24.0;
 pub(crate) const CELLS: [f64; 2] = [0.005, 0.03];
-/// Sightings that points are compared with: more say the same again.
+/// Maximum number of detections that points are compared with: more add nothing.
 pub(crate) const MOST_COMPARED: usize = 24;
-/// The sightings that points are compared with.
 pub(crate) struct Frames<'a> {
     pub(crate) compared: Vec<Seen>,
-    /// The part of their boxes in which there is depth.
     pub(crate) boxes: Vec<Option<[f32; 4]>>,
     pub(crate) sights: &'a Sights<'a>,
 }
@@ -30,7 +28,6 @@ impl<'a> Frames<'a> {
         }
     }
 
-    /// By sighting, how large its box is at the depth of some place, m: its longer side.
     pub(crate) fn sides(&self, at: &Vec3) -> Vec<f64> {
         let side = |(l, s): &Seen| {
             let placed = &self.sights.looks[*l];
@@ -40,12 +37,11 @@ impl<'a> Frames<'a> {
     }
 }
 
-/// The longer side of a box, px.
 fn longer(bounds: &[f32; 4]) -> f64 {
     f64::from((bounds[2] - bounds[0]).max(bounds[3] - bounds[1]))
 }
 
-/// The side of cells for a thing of the size that its boxes have, m.
+/// Side of the cells for an object of the boxes' size, m.
 pub(crate) fn cell(seen: &[Seen], looks: &[Placed<'_>]) -> f64 {
     let size = |(l, s): &Seen| {
         let sighting = &looks[*l].look.sightings[*s];

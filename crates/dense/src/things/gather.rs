@@ -1,4 +1,4 @@
-//! The subscriber: from the events of a run to things that follow its corrections.
+//! The subscriber that collects objects during a run and follows its corrections.
 
 use super::ThingMap;
 use super::build::build;
@@ -12,15 +12,15 @@ use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::MapView;
 use stillpoint_slam::{Event, FrameEvent, FrameReport, MOVER, Subscriber};
 
-/// How things are gathered.
+/// Settings of the object map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ThingsConfig {
-    /// Looks are at least this far apart, s. Range: 0 to 10. A detector that misses a third of all things finds one that is in sight for a second in six of ten looks,
-    /// but in three of five.
+    /// Minimum time between views, s. Range: 0 to 10. A detector that misses a third of all objects detects one that is visible for a
+    /// second in six of ten views, but in three of five.
     pub interval: f64,
-    /// Memory that looks may take, bytes. Beyond it every second one is let go, and the next ones are twice as far apart: at 18 kB each this is after 6 minutes.
+    /// Memory for views, bytes. Beyond it every second one is dropped, and the interval doubles: at 18 kB each this is after 6 minutes.
     pub budget: usize,
-    /// Direction away from the floor in the map, to less than 45 degrees: as a default that of a camera that was held upright at first.
+    /// Up direction in the map, within 45 degrees; the default assumes that the camera was first held upright.
     pub about_up: Vec3,
 }
 
@@ -34,18 +34,18 @@ impl Default for ThingsConfig {
     }
 }
 
-/// Gathers what is seen of things.
+/// Collects observations of objects.
 pub struct Things {
     pub(crate) config: ThingsConfig,
     raw: Camera,
     pub(crate) grid: Grid,
     weights: MotionWeights,
     course: Course,
-    /// Frames to take in place of those whose turn it is by their stamps.
+    /// Frames to use, instead of choosing them by stamp.
     only: Option<BTreeSet<FrameId>>,
     interval: f64,
     last_stamp: Option<f64>,
-    /// By track, how often it has moved, and whether it does now.
+    /// By track, how often it has moved, and whether it is moving.
     runs: BTreeMap<u32, (u32, bool)>,
     pub(crate) looks: Vec<Look>,
     bytes: usize,
@@ -55,7 +55,7 @@ pub struct Things {
 }
 
 impl Things {
-    /// A subscriber before the first frame of a camera.
+    /// A subscriber for a camera, before the first frame.
     #[must_use]
     pub fn new(config: &ThingsConfig, camera: &Camera) -> Self {
         Self {
@@ -76,35 +76,35 @@ impl Things {
         }
     }
 
-    /// Of a run that begins with a map of so many keyframe ids.
+    /// For a run that starts with a map of this many keyframe ids.
     #[must_use]
     pub fn with_first_keyframe(mut self, ids: usize) -> Self {
         self.course.begin_with(ids);
         self
     }
 
-    /// By these weights it is told which objects move by themselves and are no things; without them by the default ones.
+    /// Sets the weights that decide which objects move by themselves and are excluded, instead of the defaults.
     #[must_use]
     pub fn with_weights(mut self, weights: MotionWeights) -> Self {
         self.weights = weights;
         self
     }
 
-    /// Goes on from what is known.
+    /// Continues an existing object map.
     #[must_use]
     pub fn starting_with(mut self, known: ThingMap) -> Self {
         self.known = known;
         self
     }
 
-    /// Takes these frames and no others: those of a run that is repeated.
+    /// Uses exactly these frames, those of the run that is replayed.
     #[must_use]
     pub fn with_frames(mut self, frames: impl IntoIterator<Item = FrameId>) -> Self {
         self.only = Some(frames.into_iter().collect());
         self
     }
 
-    /// The frames that were taken so far: what a repetition has to know, since in a live run images that came too late are missing.
+    /// The frames used up to now. A replay needs them, since in a live run frames whose images came too late are missing.
     #[must_use]
     pub fn taken(&self) -> &[FrameId] {
         &self.taken
@@ -116,7 +116,7 @@ impl Things {
         self.bytes
     }
 
-    /// The things as far as they are known, at the poses of a version of the map.
+    /// The current objects, at the poses of a map version.
     #[must_use]
     pub fn at(&self, view: &MapView) -> ThingMap {
         build(self, view)
@@ -136,13 +136,13 @@ impl Things {
         if let Some(only) = &self.only {
             return only.contains(&report.frame);
         }
-        // Stamps jitter.
+        // Tolerates jitter of the stamps.
         let least = 0.9 * self.interval;
         self.last_stamp
             .is_none_or(|last| (report.stamp - last).abs() >= least)
     }
 
-    /// Notes which tracks move: what was seen of them before is of another place than what is seen later.
+    /// Records which tracks move: their observations before and after a motion are of different places.
     fn watch(&mut self, objects: &[Object]) {
         for object in objects {
             let (run, moves) = self.runs.entry(object.id.0).or_default();
@@ -192,7 +192,6 @@ impl Things {
         })
     }
 
-    /// Lets every second look go.
     fn thin(&mut self) {
         let mut number = 0;
         self.looks.retain(|_| {

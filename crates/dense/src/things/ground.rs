@@ -1,6 +1,6 @@
-//! The ground that looks show: where one can be, and where walls are, so that things can be told by rooms.
+//! The ground: free floor and walls, by which rooms are segmented.
 //!
-//! A coarse plan per submap, whose cells hang on the keyframes that saw them first, so that it follows corrections as things do.
+//! A coarse plan per submap, whose cells are anchored to the keyframes that saw them first, so that it follows corrections as objects do.
 
 use super::look::Placed;
 use super::part::Point;
@@ -12,48 +12,44 @@ use stillpoint_map::{KeyframeId, MapView, SubmapId};
 
 /// Side of a cell, m.
 const SIDE: f64 = 0.1;
-/// Heights at which there is nothing but walls, and shelves that stand at them, m: above chairs, desks and screens and below the tops of doors.
+/// Height range of walls, and of shelves along them, m: above chairs, desks and screens and below door tops.
 const WALLS: [f64; 2] = [1.35, 1.95];
-/// Heights at which a line of sight shows that one can be there, m.
+/// Height range in which a line of sight shows free floor, m.
 const BAND: [f64; 2] = [0.05, 1.95];
-/// Step between points of the small image that are searched for walls, along its rows and columns, in points.
+/// Step between points of the reduced image that are searched for walls, along rows and columns, in points.
 const WALL_STEP: usize = 2;
-/// Step between points of the small image whose lines of sight are followed, along its rows and columns, in points.
+/// Step between points of the reduced image whose lines of sight are followed, along rows and columns, in points.
 const RAY_STEP: usize = 4;
-/// Farther points are too uncertain for cells of this size, m.
+/// Maximum distance of points, m: farther ones are too uncertain for cells of this size.
 const FAR: f64 = 5.0;
-/// Looks that say the same make no difference from here on.
+/// Maximum number of views used; more add nothing.
 const MOST_LOOKS: usize = 600;
-/// Points that make a wall, at least.
+/// Minimum number of points of a wall.
 const LEAST_POINTS: u32 = 3;
-/// Least number of wall points per line of sight through the cell: at the edges of things, depth is sometimes that of the background.
+/// Minimum number of wall points per line of sight through the cell: at object borders, depth is sometimes that of the background.
 const LEAST_SHARE: f64 = 0.3;
-/// What an earlier run knew counts as so many points or lines of sight.
+/// Weight of an earlier run's knowledge, in points or lines of sight.
 const KNOWN: u32 = 6;
-/// Cells are at most this far from the origin of a plan, and a plan has at most so many: 200 m x 200 m.
+/// Maximum distance of cells from the origin of a plan, and maximum number of cells: 200 m x 200 m.
 const MOST_CELLS: i32 = 100_000;
 const MOST_AREA: usize = 4_000_000;
 
-/// A cell of the ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Spot {
     pub(crate) at: Point,
     pub(crate) wall: bool,
 }
 
-/// What was counted in a cell.
 #[derive(Clone, Copy)]
 struct Counts {
     walls: u32,
     open: u32,
-    /// The keyframe that saw it first.
+    /// Anchor to the keyframe that saw it first.
     at: Point,
 }
 
-/// Cells by submap and place.
 type Cells = BTreeMap<(SubmapId, [i32; 2]), Counts>;
 
-/// The ground by what was known and what looks show.
 pub(crate) fn ground(
     known: &[Spot],
     looks: &[Placed<'_>],
@@ -61,7 +57,6 @@ pub(crate) fn ground(
     view: &MapView,
 ) -> Vec<Spot> {
     let mut cells = Cells::new();
-    // What hangs on keyframes that the map does not have stays as it is.
     let mut spots = Vec::new();
     for spot in known {
         let Some((submap, at)) = locate(spot, levels, view) else {
@@ -86,7 +81,6 @@ pub(crate) fn ground(
     spots
 }
 
-/// The submap and the cell of a spot.
 fn locate(
     spot: &Spot,
     levels: &BTreeMap<SubmapId, Floor>,
@@ -100,7 +94,6 @@ fn locate(
         .then_some((submap, at))
 }
 
-/// A floor with the axes of its plan.
 struct Level<'a> {
     floor: &'a Floor,
     turn: Mat3,
@@ -119,7 +112,6 @@ impl<'a> Level<'a> {
         [local.x, local.y].map(|v| (v / SIDE).floor() as i32)
     }
 
-    /// The middle of a cell on the floor, world.
     fn middle(&self, at: [i32; 2]) -> Vec3 {
         let [x, y] = at.map(|v| (f64::from(v) + 0.5) * SIDE);
         self.turn.transpose() * Vec3::new(x, y, self.floor.offset)
@@ -144,12 +136,11 @@ impl Counts {
     }
 }
 
-/// Adds what a look shows.
 fn add(placed: &Placed<'_>, level: &Level<'_>, cells: &mut Cells) {
     let columns = placed.grid.columns;
     let eye = placed.world_from_camera.translation;
     let mut walls = Vec::new();
-    // Each cell counts once per look, so that near ones do not count more than far ones.
+    // Each cell counts once per view, so that near ones do not count more than far ones.
     let mut open = BTreeSet::new();
     for i in 0..columns * placed.grid.rows {
         let (x, y) = (i % columns, i / columns);
@@ -188,7 +179,7 @@ fn add(placed: &Placed<'_>, level: &Level<'_>, cells: &mut Cells) {
     }
 }
 
-/// The cells that a line of sight passes before it ends.
+/// The cells that a line of sight crosses before its end.
 fn follow(level: &Level<'_>, [from, to]: [&Vec3; 2], open: &mut BTreeSet<[i32; 2]>) {
     let steps = ((to - from).norm() / SIDE).floor();
     // The last cell is that of the surface itself, unless that is the floor.
@@ -202,30 +193,27 @@ fn follow(level: &Level<'_>, [from, to]: [&Vec3; 2], open: &mut BTreeSet<[i32; 2
     }
 }
 
-/// A room in a map: what walls surround and doors lead into.
+/// A room in a map: ground enclosed by walls and doors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Room {
     /// Its number, from 1, in the order in which rooms were entered.
     pub number: u32,
-    /// The submap whose frame of reference it is in.
+    /// The submap of its frame of reference.
     pub submap: SubmapId,
-    /// The middle of its ground, m, world.
+    /// The centre of its ground, m, world.
     pub centre: Vec3,
-    /// What is known of its ground, m^2.
+    /// Area of its known ground, m^2.
     pub area: f64,
 }
 
-/// The plan of a submap, cell by cell.
 struct Plan<'a> {
     level: Level<'a>,
     first: [i32; 2],
     width: usize,
-    /// Numbers of rooms; 0 for none.
     rooms: Vec<u32>,
     walls: Vec<bool>,
 }
 
-/// The rooms of a map.
 pub(crate) struct RoomMap<'a> {
     plans: BTreeMap<SubmapId, Plan<'a>>,
     pub(crate) rooms: Vec<Room>,
@@ -243,7 +231,7 @@ impl<'a> RoomMap<'a> {
             if let Some((submap, at)) = locate(spot, levels, view) {
                 let cells = by_submap.entry(submap).or_default();
                 let cell = cells.entry(at).or_insert((spot.wall, spot.at.keyframe));
-                // Where corrections have moved two into one.
+                // Corrections may move two spots into one cell.
                 *cell = (cell.0 || spot.wall, cell.1.min(spot.at.keyframe));
             }
         }
@@ -320,12 +308,12 @@ impl<'a> RoomMap<'a> {
         self.plans.insert(submap, plan);
     }
 
-    /// The room that something stands in: that of the ground at a point of the world, or of the nearest one that no wall parts from it.
+    /// The room of a world point: that of the ground below it, or of the nearest ground without a wall in between.
     pub(crate) fn room(&self, submap: SubmapId, p: &Vec3) -> Option<u32> {
         let plan = self.plans.get(&submap)?;
         let height = plan.rooms.len() / plan.width;
         let at = plan.level.cell(p);
-        // What stands at a wall may be seen a little beyond the ground.
+        // Objects at a wall may lie slightly outside of the ground.
         let x = (at[0] - plan.first[0]).clamp(0, plan.width as i32 - 1) as usize;
         let y = (at[1] - plan.first[1]).clamp(0, height as i32 - 1) as usize;
         let first = y * plan.width + x;
@@ -339,7 +327,7 @@ impl<'a> RoomMap<'a> {
                 return Some(plan.rooms[i]);
             }
             for j in around(i, plan.width, plan.rooms.len()) {
-                // Out of a wall, but into none.
+                // May leave a wall but not enter one.
                 if !marked[j] && !plan.walls[j] {
                     marked[j] = true;
                     cells.push(j);

@@ -1,4 +1,4 @@
-//! What is level, and where the floor is, by the small depth images alone.
+//! Finds horizontal surfaces and the floor in the reduced depth images.
 
 use super::look::{Placed, tolerance};
 use super::own::owners;
@@ -6,14 +6,14 @@ use crate::floor::Floor;
 use crate::mesh::Mesh;
 use stillpoint_geometry::Vec3;
 
-/// Points of a small image along a side of a patch: their mean is four times as exact as one of them, and wide enough to tell a slope.
+/// Side of a patch, in points of the reduced image: its mean is four times as exact as a point, and it is wide enough for a slope.
 const PATCH: usize = 4;
-/// Looks that are looked at: more show the same floor again.
+/// Maximum number of views used: more add nothing.
 const MOST_LOOKS: usize = 60;
-/// Farthest depth that is looked at, m.
+/// Maximum depth that is used, m.
 const FAR: f64 = 5.0;
 
-/// The floor that looks show; `about_up` as for [`Floor::find`].
+/// The floor in some views; `about_up` as for [`Floor::find`].
 pub(crate) fn floor(looks: &[&Placed<'_>], about_up: &Vec3) -> Option<Floor> {
     let mut mesh = Mesh::default();
     let every = looks.len().div_ceil(MOST_LOOKS).max(1);
@@ -23,16 +23,16 @@ pub(crate) fn floor(looks: &[&Placed<'_>], about_up: &Vec3) -> Option<Floor> {
     Floor::find(&mesh, about_up)
 }
 
-/// Height of a table's top above the floor, m: 0.72 to 0.76 by EN 527 for desks, 0.71 to 0.76 for dining tables.
+/// Height of a table top above the floor, m: 0.72 to 0.76 by EN 527 for desks, 0.71 to 0.76 for dining tables.
 const TABLE: f64 = 0.74;
-/// Points this near to a level are on it, m.
+/// Distance within which points are on a level, m.
 const ON: f64 = 0.05;
-/// Share of the points on the floor in the boxes of tables from which those at the height of their tops are tables on a floor.
+/// Minimum share of points at table top height, among those in the boxes of tables, for the found floor to be the real one.
 const TOPS: f64 = 0.2;
-/// Heights of tops differ by this, m.
+/// Tolerance of table top heights, m.
 const TOP: f64 = 0.12;
 
-/// The floor below the top of a table, where that is what was taken for it: nothing in the boxes of tables is as high above it as their tops are.
+/// Corrects a table top that was taken for the floor: then the boxes of tables have no points at table height above it.
 pub(crate) fn below_tables(floor: Floor, looks: &[&Placed<'_>]) -> Floor {
     let (mut on, mut tops) = (0_usize, 0_usize);
     for placed in looks {
@@ -59,7 +59,7 @@ pub(crate) fn below_tables(floor: Floor, looks: &[&Placed<'_>]) -> Floor {
     }
 }
 
-/// Adds the surface that a look shows, in patches.
+/// Adds the surface of a view, in patches.
 fn add(placed: &Placed<'_>, mesh: &mut Mesh) {
     let grid = placed.grid;
     let (w, h) = (grid.columns / PATCH, grid.rows / PATCH);
@@ -76,7 +76,7 @@ fn add(placed: &Placed<'_>, mesh: &mut Mesh) {
         if k % w + 1 == w {
             continue;
         }
-        // Counter-clockwise as the camera sees them.
+        // Counter-clockwise as seen from the camera.
         for t in [[k, k + w, k + 1], [k + 1, k + w, k + w + 1]] {
             let [Some(a), Some(b), Some(c)] = t.map(|i| corners[i]) else {
                 continue;
@@ -91,7 +91,7 @@ fn add(placed: &Placed<'_>, mesh: &mut Mesh) {
     }
 }
 
-/// The middle of a patch in the camera, and its depth; none across an edge, or where depth is missing.
+/// The centre of a patch in the camera, and its depth; `None` across an edge or with missing depth.
 fn patch(placed: &Placed<'_>, [x, y]: [usize; 2]) -> Option<(Vec3, f64)> {
     let (mut sum, mut least, mut most) = (Vec3::zeros(), f64::INFINITY, 0.0_f64);
     for j in 0..PATCH {

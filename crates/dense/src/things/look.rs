@@ -1,4 +1,4 @@
-//! What is kept of a frame: a small depth image, and the boxes of the objects in it.
+//! A view kept from a frame: a reduced depth image, and the boxes of the objects in it.
 
 use super::part::Point;
 use crate::floor::Floor;
@@ -8,38 +8,33 @@ use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
 use stillpoint_imaging::DepthImage;
 use stillpoint_map::{KeyframeId, MapView, SubmapId};
 
-/// Depth values per metre.
+/// Depth units per metre.
 const PER_METRE: f64 = 1000.0;
-/// Columns of the small image, at least.
+/// Minimum number of columns of the reduced image.
 const COLUMNS: usize = 106;
 
-/// An object in a look.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sighting {
-    /// Number of the track.
     pub(crate) track: u32,
-    /// How often the track moved before.
+    /// How often the track has moved.
     pub(crate) run: u32,
     pub(crate) class: ClassId,
     pub(crate) score: f32,
-    /// Whether it may be a thing: found in this frame, and no mover. Others only cover what is behind them.
+    /// Whether it is a candidate object: detected in this frame, and not a mover. Others only occlude.
     pub(crate) counts: bool,
     /// Left, top, right, bottom; px of the pinhole image.
     pub(crate) bounds: [f32; 4],
-    /// Nearest and farthest depth, m.
     pub(crate) depths: [f32; 2],
 }
 
-/// Small images of a camera.
 #[derive(Clone, Debug)]
 pub(crate) struct Grid {
-    /// Of the pinhole image.
     pub(crate) camera: Camera,
     /// Pixels from one point to the next.
     pub(crate) step: usize,
     pub(crate) columns: usize,
     pub(crate) rows: usize,
-    /// By point, the pixel of the raw image, if it is there.
+    /// Per point the raw pixel, if inside of the image.
     source: Vec<Option<[u16; 2]>>,
 }
 
@@ -64,7 +59,7 @@ impl Grid {
         }
     }
 
-    /// The small image of a depth image; 0 where there is no depth, and where something moves (`moving` has one entry per raw pixel, or none at all).
+    /// Reduces a depth image; 0 where depth is missing or moving (`moving` has one entry per raw pixel, or is empty).
     pub(crate) fn depths(&self, depth: &DepthImage, moving: &[bool]) -> Box<[u16]> {
         let (w, h) = (depth.width(), depth.height());
         let value = |at: &Option<[u16; 2]>| {
@@ -77,13 +72,12 @@ impl Grid {
         self.source.iter().map(|s| value(s).unwrap_or(0)).collect()
     }
 
-    /// The pixel of a point of the small image.
     pub(crate) fn pixel(&self, i: usize) -> Vec2 {
         let (x, y) = (i % self.columns, i / self.columns);
         Vec2::new((x * self.step) as f64, (y * self.step) as f64)
     }
 
-    /// The point of the small image that is nearest to a pixel; none outside.
+    /// The point of the reduced image nearest to a pixel; `None` outside.
     pub(crate) fn nearest(&self, px: Vec2) -> Option<usize> {
         let at = [px.x, px.y].map(|v| (v / self.step as f64 + 0.5).floor());
         let inside =
@@ -115,7 +109,6 @@ impl Grid {
     }
 }
 
-/// What is kept of a frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Look {
     pub(crate) stamp: f64,
@@ -125,43 +118,41 @@ pub(crate) struct Look {
 }
 
 impl Look {
-    /// Depth at a point of the small image, m; 0 where there is none.
     pub(crate) fn depth(&self, i: usize) -> f64 {
         f64::from(self.depths.get(i).copied().unwrap_or(0)) / PER_METRE
     }
 
-    /// Bytes that it takes.
     pub(crate) fn bytes(&self) -> usize {
         size_of::<Self>() + 2 * self.depths.len() + size_of::<Sighting>() * self.sightings.len()
     }
 }
 
-/// What a look shows in the place of a point.
+/// Evidence of a view about a world point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shown {
-    /// A surface where the point is.
+    /// A surface at the point.
     Point,
-    /// Something nearer.
     Nearer,
-    /// Something farther: the point's place is empty.
+    /// A farther surface: the place is empty.
     Farther,
-    /// Nothing: no depth, or outside of the image.
+    /// Unknown: no depth, or outside of the image.
     Nothing,
 }
 
-/// How far apart depths of one surface are, m: noise, which grows with the square of the depth (Khoshelham and Elberink, 2012), and errors of poses.
+/// Maximum depth difference within one surface, m: noise, which grows with the square of the depth (Khoshelham and Elberink, 2012), and
+/// pose errors.
 pub(crate) fn tolerance(z: f64) -> f64 {
     0.05 + 0.01 * z * z
 }
 
-/// Nearest depth at which anything is seen, m.
+/// Minimum depth, m.
 const NEAREST: f64 = 0.2;
 
-/// A look at the pose that the map gives it.
+/// A view at its pose in the map.
 pub(crate) struct Placed<'a> {
     pub(crate) look: &'a Look,
     pub(crate) grid: &'a Grid,
-    /// The keyframe that it hangs on, and its pose in the camera of that.
+    /// The keyframe that it is anchored to, and its pose in that keyframe's camera.
     pub(crate) keyframe: KeyframeId,
     keyframe_from_camera: Se3,
     pub(crate) submap: SubmapId,
@@ -170,7 +161,7 @@ pub(crate) struct Placed<'a> {
 }
 
 impl<'a> Placed<'a> {
-    /// None where the map does not have its keyframe.
+    /// `None` if the map lacks its keyframe.
     pub(crate) fn new(look: &'a Look, grid: &'a Grid, view: &MapView) -> Option<Self> {
         let (keyframe, keyframe_from_camera) = look.anchor.hold(view)?;
         let world_from_camera = view.world_from_keyframe(keyframe)? * keyframe_from_camera;
@@ -185,7 +176,6 @@ impl<'a> Placed<'a> {
         })
     }
 
-    /// A look at a pose of its own.
     #[cfg(test)]
     pub(crate) fn at(look: &'a Look, grid: &'a Grid, world_from_camera: Se3) -> Self {
         Self {
@@ -199,19 +189,16 @@ impl<'a> Placed<'a> {
         }
     }
 
-    /// A point of the camera as it is kept, and in the world.
     pub(crate) fn keep(&self, in_camera: &Vec3) -> Option<(Point, Vec3)> {
         let at = self.keyframe_from_camera.transform(in_camera);
         let world = self.world_from_camera.transform(in_camera);
         Some((Point::new(self.keyframe, &at)?, world))
     }
 
-    /// A point of the world as it is kept.
     pub(crate) fn keep_world(&self, p: &Vec3) -> Option<Point> {
         self.keep(&self.camera_from_world.transform(p)).map(|k| k.0)
     }
 
-    /// The pixel of a point of the world and its depth, if it is in the image.
     pub(crate) fn project(&self, p: &Vec3) -> Option<(Vec2, f64)> {
         let at = self.camera_from_world.transform(p);
         if at.z < NEAREST {
@@ -226,7 +213,6 @@ impl<'a> Placed<'a> {
         inside.then_some((px, at.z))
     }
 
-    /// What is in the place of a point of the world.
     pub(crate) fn shows(&self, p: &Vec3) -> Shown {
         let found = self.project(p).and_then(|(px, z)| {
             let seen = self.look.depth(self.grid.nearest(px)?);
@@ -245,13 +231,13 @@ impl<'a> Placed<'a> {
         }
     }
 
-    /// The depth of a point of the world, which may be outside of the image, m.
+    /// The depth of a world point, inside of the image or not, m.
     pub(crate) fn depth(&self, p: &Vec3) -> f64 {
         self.camera_from_world.transform(p).z
     }
 
-    /// The pixels of a point of the world that is in sight and, where it stands on a floor and nothing hides that, of its foot: left, top, right, bottom.
-    /// Legs are too thin for small images.
+    /// The pixel extent of a visible world point and, if it stands on a floor and is not occluded, of its foot: left, top, right, bottom.
+    /// Legs are too thin for reduced images.
     pub(crate) fn extent(&self, p: &Vec3, floor: Option<&Floor>) -> Option<[f32; 4]> {
         let pixel = |p: &Vec3| {
             let (px, _) = self.project(p)?;
@@ -263,7 +249,7 @@ impl<'a> Placed<'a> {
         Some([x.min(u), y.min(v), x.max(u), y.max(v)])
     }
 
-    /// A point of the small image in the camera; none without depth.
+    /// A point of the reduced image in the camera; `None` without depth.
     pub(crate) fn in_camera(&self, i: usize) -> Option<Vec3> {
         let z = self.look.depth(i);
         (z > 0.0).then(|| self.grid.camera.backproject(self.grid.pixel(i), z))

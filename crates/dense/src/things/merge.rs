@@ -1,4 +1,4 @@
-//! Which tracks are one thing.
+//! Merges tracks of the same object.
 
 use super::part::{Point, Record, World};
 use super::rest::is_rest;
@@ -8,53 +8,51 @@ use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 use stillpoint_map::SubmapId;
 
-/// What one or more tracks, or an earlier run, saw of a thing.
+/// Observations of an object by one or more tracks, or by an earlier run.
 #[derive(Clone, Debug)]
 pub(crate) struct Part {
-    /// Sum of the scores by class: it is of the class with the largest one.
+    /// Sum of the scores by class; the largest one decides.
     pub(crate) votes: BTreeMap<ClassId, f64>,
-    /// Numbers of the looks in which it was found.
+    /// Indices of the views in which it was detected.
     pub(crate) looks: BTreeSet<usize>,
-    /// Numbers of those that show it, whether or not it was found.
+    /// Indices of the views in which it is visible, detected or not.
     pub(crate) shown: BTreeSet<usize>,
-    /// What an earlier run knew, as it stands in the map file.
     pub(crate) known: Vec<Record>,
-    /// The map files that it was in: what one file tells apart stays apart.
+    /// The map files that it was in: objects of one file are never merged.
     pub(crate) files: BTreeSet<u8>,
     pub(crate) submap: SubmapId,
     pub(crate) points: Vec<(Point, Vec3)>,
     pub(crate) bounds: UprightBox,
-    /// Stamps of the first and the last look, s.
     pub(crate) seen: [f64; 2],
-    /// The largest depth at which it was found, m.
+    /// Maximum depth at which it was detected, m.
     pub(crate) farthest: f64,
 }
 
-/// Boxes are this uncertain, m.
+/// Uncertainty of boxes, m.
 const MARGIN: f64 = 0.05;
-/// Share of the points of one thing in the box of the other one from which they are one thing.
+/// Share of one object's points in the box of the other from which both are merged.
 const SHARE: f64 = 0.5;
-/// The same where a detector called them by different names.
+/// That share for different class names.
 const SHARE_BY_OTHER_NAME: f64 = 0.75;
-/// Two tracks that were found in so many looks together are two things.
+/// Number of common detections from which two tracks are different objects.
 const TOGETHER: usize = 3;
-/// Of small things, middles this near are one, as a share of their longest side: what is seen again after a walk is off by what the poses are.
+/// Maximum distance of the centres of small objects for merging, as a share of their longest side: revisited objects are off by the drift
+/// of the poses.
 const NEAR: f64 = 0.5;
 
-/// How surely another piece of a thing is of it.
+/// Likeness of a detached part of an object.
 const REST: f64 = 0.5;
 
 impl Part {
-    /// Votes of the class that it is of.
     pub(crate) fn class(&self) -> ClassId {
         let best = self.votes.iter().max_by(|a, b| {
-            // Of equals the smaller number.
+            // Ties take the smaller id.
             a.1.total_cmp(b.1).then(b.0.0.cmp(&a.0.0))
         });
         best.map_or(ClassId(u8::MAX), |v| *v.0)
     }
 
-    /// Looks in which it was found, with those of earlier runs.
+    /// Number of views with a detection, earlier runs included.
     pub(crate) fn found(&self) -> u32 {
         self.looks.len() as u32 + self.known.iter().map(|r| r.found).sum::<u32>()
     }
@@ -64,7 +62,7 @@ impl Part {
         self.points.iter().filter(inside).count() as f64 / self.points.len().max(1) as f64
     }
 
-    /// How surely another part is the same thing: 0 where it is not.
+    /// Likeness of another part: 0 if it is not the same object.
     fn likeness(&self, other: &Self) -> f64 {
         let together = self.looks.intersection(&other.looks).count();
         let told_apart = self.files.intersection(&other.files).next().is_some();
@@ -88,7 +86,7 @@ impl Part {
             (true, _) if share >= SHARE => 1.0 + share,
             (true, true) => 1.0,
             (true, false) if is_rest(self, other) => REST,
-            // A cup is in the box of the table and is no table: both have to be in each other.
+            // A cup is in the box of the table and is not the table: both must contain each other.
             (false, _) if both >= SHARE_BY_OTHER_NAME => both,
             _ => 0.0,
         }
@@ -115,9 +113,8 @@ impl Part {
     }
 }
 
-/// Puts together what is one thing; those that were found most often come first.
 pub(crate) fn merge(mut parts: Vec<Part>, world: &World<'_>) -> Vec<Part> {
-    // Stable: of equals the one that was seen first.
+    // The stable sort keeps ties in the order of first detection.
     parts.sort_by_key(|p| std::cmp::Reverse(p.found()));
     loop {
         let mut things: Vec<Part> = Vec::new();
@@ -136,7 +133,7 @@ pub(crate) fn merge(mut parts: Vec<Part>, world: &World<'_>) -> Vec<Part> {
         if things.len() == before {
             return things;
         }
-        // What has grown may be one with another by now.
+        // Grown objects may match others.
         parts = things;
     }
 }

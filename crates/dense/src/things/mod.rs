@@ -1,9 +1,9 @@
-//! Things: furniture and what lies on it, as part of the map.
+//! Objects in the map: furniture and items on it, with confidence and last detection.
 //!
-//! Answers: what stands where, how sure that is, and when it was seen last. A subscriber ([`Things`]) keeps small depth images with the boxes of
-//! tracked objects, tied to keyframes; [`ThingMap`] is what comes of them at the poses of a map, and what a map file keeps. One module each for what is
-//! gathered (`gather`, `look`), which points are a thing's own (`own`, `carve`, `claims`), where it is by its boxes alone (`bearings`), how far it can reach
-//! (`scope`), its box (`upright`), what is level (`level`), which tracks are one thing (`merge`, `rest`), and what has been carried away (`absent`). People are never in it.
+//! A subscriber ([`Things`]) keeps reduced depth images with the boxes of tracked objects, anchored to keyframes; [`ThingMap`] is the
+//! result at the poses of a map, as stored in map files. One module each for collecting views (`gather`, `look`), the points of an object
+//! (`own`, `carve`, `claims`), its location by boxes alone (`bearings`), its maximum size (`scope`), its box (`upright`), horizontal
+//! surfaces (`level`), merging tracks (`merge`, `rest`), and removed objects (`absent`). People are excluded.
 
 mod absent;
 mod assign;
@@ -38,47 +38,45 @@ use std::collections::BTreeMap;
 use stillpoint_detection::ClassId;
 use stillpoint_map::{MapView, SubmapId};
 
-/// A thing in a map.
+/// An object in a map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Thing {
-    /// What it is.
+    /// Its class.
     pub class: ClassId,
-    /// Where it is, and how large.
+    /// Its bounding box.
     pub bounds: UprightBox,
-    /// Share of the looks at its place in which it was found, 0 to 1; it comes nearer to that share with every look.
+    /// Share of the views at its place in which it was detected, 0 to 1; approaches that share with every view.
     pub confidence: f64,
-    /// Looks in which it was found; there are ten in a second, and five where memory was short.
+    /// Number of views in which it was detected, at ten per second, or five when memory is short.
     pub found: u32,
-    /// The submap whose frame of reference its box is in.
+    /// The submap of the box's frame of reference.
     pub submap: SubmapId,
-    /// The number of the room that it is in, as in [`ThingMap::rooms`]; none where the ground around it is not known.
+    /// Number of its room, as in [`ThingMap::rooms`]; `None` if the ground around it is unknown.
     pub room: Option<u32>,
-    /// Stamp of the first frame in which it was found, s.
+    /// Stamp of the first detection, s.
     pub first_seen: f64,
-    /// Stamp of the last one, s.
+    /// Stamp of the last detection, s.
     pub last_seen: f64,
 }
 
-/// Things of less confidence are kept, but not said: they were seen too little so far.
+/// Minimum confidence of reported objects; others are kept but were seen too little.
 const LEAST_CONFIDENCE: f64 = 0.2;
-/// Things found in fewer looks are kept but not reported.
+/// Minimum number of detections of reported objects.
 const LEAST_FOUND: u32 = 4;
 
-/// What is known of the things in a map. Everything hangs on keyframes, so that it moves with them.
+/// The objects of a map. All data are anchored to keyframes, and move with them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ThingMap {
     records: Vec<Record>,
-    /// Where the floor is, by submap.
     levels: BTreeMap<SubmapId, Floor>,
-    /// Where one can be, and where walls are.
     ground: Vec<Spot>,
 }
 
 impl ThingMap {
-    /// The name of the extension of map files that it is kept in.
+    /// Name of the extension in map files.
     pub const EXTENSION: &'static str = "stillpoint/things";
 
-    /// The things where the map has them by now, in the order in which they were first seen. What hangs on keyframes that the map does not have is left out.
+    /// The objects at the current poses of a map, in the order of first detection. Objects of keyframes that the map lacks are left out.
     #[must_use]
     pub fn list(&self, view: &MapView) -> Vec<Thing> {
         let world = World {
@@ -106,8 +104,8 @@ impl ThingMap {
         things
     }
 
-    /// The things of two maps that were put together ([`stillpoint_slam::join_maps`]): `second` is of the map whose keyframe ids were raised by `added`, and
-    /// `map` the joined one. What both know is one thing.
+    /// The objects of two maps joined by [`stillpoint_slam::join_maps`]: `second` belongs to the map whose keyframe ids were raised by
+    /// `added`, and `map` is the joined one. Common objects are merged.
     #[must_use]
     pub fn joined(first: &Self, second: &Self, added: u32, map: &MapView) -> Self {
         build::join(first, second, added, map)
@@ -119,13 +117,13 @@ impl ThingMap {
         RoomMap::new(&self.ground, &self.levels, view).rooms
     }
 
-    /// Where the floor of a submap is, if it was seen.
+    /// The floor of a submap, if it was seen.
     #[must_use]
     pub fn floor(&self, submap: SubmapId) -> Option<Floor> {
         self.levels.get(&submap).copied()
     }
 
-    /// Whether nothing is known.
+    /// Whether it holds no data.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.records.is_empty()

@@ -1,10 +1,10 @@
-//! Whose points are whose in a look, and which looks show one place.
+//! Assigns the points of a view to its detections, and splits tracks by place.
 
 use super::look::{Placed, Sighting};
 use stillpoint_geometry::Vec3;
 
-/// The sighting that each point of a small image belongs to, counted from 1; 0 for none. Where boxes overlap it is that of the smallest one, since
-/// things stand on tables and before shelves and not the other way round.
+/// The detection that owns each point of a reduced image, counted from 1; 0 for none. Where boxes overlap, the smallest one owns it, since
+/// objects are on tables and before shelves rather than the other way round.
 pub(crate) fn owners(placed: &Placed<'_>) -> Vec<u16> {
     let (grid, look) = (placed.grid, placed.look);
     let mut owners = vec![0; grid.columns * grid.rows];
@@ -27,7 +27,7 @@ pub(crate) fn owners(placed: &Placed<'_>) -> Vec<u16> {
     owners
 }
 
-/// The points of the small image in the box of a sighting.
+/// The points of the reduced image in the box of a detection.
 pub(crate) fn inside(
     placed: &Placed<'_>,
     sighting: &Sighting,
@@ -36,7 +36,7 @@ pub(crate) fn inside(
     let (step, columns) = (grid.step as f32, grid.columns);
     let range = |from: f32, to: f32, end: usize| {
         let first = (from / step).ceil().max(0.0) as usize;
-        // Negative where the box is beside the image.
+        // Negative if the box is beside the image.
         let after = ((to / step).floor() + 1.0).max(0.0) as usize;
         first.min(end)..after.min(end)
     };
@@ -44,8 +44,8 @@ pub(crate) fn inside(
     ys.flat_map(move |y| xs.clone().map(move |x| y * columns + x))
 }
 
-/// The part of a sighting's box in which there is depth: cameras measure none along some borders of the image, and people who walk by are left out. None
-/// where that is next to nothing.
+/// The part of a detection's box with depth: cameras measure none along some image borders, and moving people are left out. `None` if it is
+/// almost nothing.
 pub(crate) fn measured(placed: &Placed<'_>, sighting: &Sighting) -> Option<[f32; 4]> {
     let (grid, step) = (placed.grid, placed.grid.step as f32);
     let far = f32::INFINITY;
@@ -66,18 +66,18 @@ pub(crate) fn measured(placed: &Placed<'_>, sighting: &Sighting) -> Option<[f32;
     (count >= LEAST_POINTS).then(|| [x0.max(a), y0.max(b), x1.min(c), y1.min(d)])
 }
 
-/// A track in a look: the number of the look and of the sighting in it.
+/// A detection: the indices of its view and within the view.
 pub(crate) type Seen = (usize, usize);
 
-/// Points that a sighting has to have to say anything.
+/// Minimum number of points of a usable detection.
 const LEAST_POINTS: usize = 5;
-/// How far the middle of what is seen of one thing moves from look to look, as a share of its longest side, and at least, m.
+/// Maximum motion of an object's visible centre between views, as a share of its longest side, and its minimum, m.
 const WANDERS: f64 = 0.4;
 const WANDERS_LEAST: f64 = 0.05;
-/// Places of a thing that are remembered: parts of it come into sight and leave it.
+/// Number of places remembered per track: parts of an object become visible and occluded.
 const REMEMBERED: usize = 8;
 
-/// Parts a track by place: where things of one kind lie side by side, trackers take one for the other now and then.
+/// Splits a track by place: trackers sometimes confuse adjacent objects of one class.
 pub(crate) fn by_place(seen: &[Seen], looks: &[Placed<'_>], owners: &[Vec<u16>]) -> Vec<Vec<Seen>> {
     let mut parts: Vec<(Vec<Seen>, Vec<Vec3>)> = Vec::new();
     for at in seen {
@@ -103,7 +103,7 @@ pub(crate) fn by_place(seen: &[Seen], looks: &[Placed<'_>], owners: &[Vec<u16>])
     parts.into_iter().map(|p| p.0).collect()
 }
 
-/// The middle of what a sighting shows, world, and the longest side of its box, m.
+/// The centre of a detection's points, world, and the longest side of its box, m.
 fn place((l, s): &Seen, looks: &[Placed<'_>], owners: &[u16]) -> Option<(Vec3, f64)> {
     let placed = &looks[*l];
     let sighting = &placed.look.sightings[*s];

@@ -1,4 +1,4 @@
-//! What is known of a thing: points that hang on keyframes.
+//! The stored data of an object: points anchored to keyframes.
 
 use super::upright::UprightBox;
 use super::{Thing, carve};
@@ -8,23 +8,21 @@ use stillpoint_detection::ClassId;
 use stillpoint_geometry::{Mat3, Vec3};
 use stillpoint_map::{KeyframeId, MapView, SubmapId};
 
-/// Points that are kept of a thing: enough for 2 % at each end to be some.
+/// Maximum number of points kept per object: enough for 2 % at each end to be some.
 pub(crate) const MOST_POINTS: usize = 384;
-/// Sides of a box across the floor.
+/// Number of horizontal sides of a box.
 pub(crate) const MOST_SIDES: usize = 4;
-/// Values per metre of a point.
 const PER_METRE: f64 = 1000.0;
 
-/// A point of a surface in the camera of a keyframe.
+/// A surface point in the camera of a keyframe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Point {
     pub(crate) keyframe: KeyframeId,
-    /// mm.
     pub(crate) at: [i16; 3],
 }
 
 impl Point {
-    /// None where it is more than 32 m away.
+    /// `None` beyond 32 m.
     pub(crate) fn new(keyframe: KeyframeId, p: &Vec3) -> Option<Self> {
         let at = p.map(|v| (v * PER_METRE).round());
         let fits = at.iter().all(|v| v.abs() <= 32_000.0);
@@ -38,37 +36,36 @@ impl Point {
         Vec3::from(self.at.map(f64::from)) / PER_METRE
     }
 
-    /// None where the map does not have its keyframe.
+    /// `None` if the map lacks its keyframe.
     pub(crate) fn world(self, view: &MapView) -> Option<Vec3> {
         let pose = view.world_from_keyframe(self.keyframe)?;
         Some(pose.transform(&self.in_keyframe()))
     }
 }
 
-/// What is known of a thing, wherever the map has its keyframes.
+/// The stored data of an object, independent of the map's poses.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Record {
     pub(crate) class: ClassId,
-    /// Looks in which it was found.
+    /// Number of views in which it was detected.
     pub(crate) found: u32,
-    /// Looks in which it could have been found.
+    /// Number of views in which it could have been detected.
     pub(crate) expected: u32,
-    /// Stamps of the first and the last look in which it was found, s.
     pub(crate) seen: [f64; 2],
-    /// The largest depth at which it was found, m.
+    /// Maximum depth at which it was detected, m.
     pub(crate) farthest: f64,
     pub(crate) points: Vec<Point>,
-    /// Middles of the sides that nobody saw, where it is taken to end.
+    /// Centres of the unseen sides, where it is estimated to end.
     pub(crate) hidden: Vec<Point>,
 }
 
 impl Record {
-    /// Share of the looks in which it was found, as after two more in which it was not.
+    /// Share of the views with a detection, with two additional misses as a prior.
     pub(crate) fn confidence(&self) -> f64 {
         f64::from(self.found) / (f64::from(self.found.max(self.expected)) + 2.0)
     }
 
-    /// The submap of most of its keyframes, and its points there, world; none where the map has none of them.
+    /// The submap of most of its keyframes, and its points there, world; `None` if the map has none of them.
     pub(crate) fn place(&self, view: &MapView) -> Option<(SubmapId, Vec<Vec3>)> {
         let placed = |p: &Point| Some((view.submap_of(p.keyframe)?, p.world(view)?));
         let placed: Vec<(SubmapId, Vec3)> = self.points.iter().filter_map(placed).collect();
@@ -76,13 +73,13 @@ impl Record {
         for (submap, _) in &placed {
             *counts.entry(*submap).or_default() += 1;
         }
-        // Of equals the last, which is as good as any.
+        // Ties take the last one.
         let submap = *counts.iter().max_by_key(|c| c.1)?.0;
         let own = placed.into_iter().filter(|p| p.0 == submap);
         Some((submap, own.map(|p| p.1).collect()))
     }
 
-    /// Its box with what is hidden of it, and the submap in which it is.
+    /// Its box with the unseen parts, and its submap.
     pub(crate) fn bounds(&self, world: &World<'_>) -> Option<(SubmapId, UprightBox)> {
         let (submap, points) = self.place(world.view)?;
         let bounds = world.bounds(self.class, submap, &points)?;
@@ -106,7 +103,7 @@ impl Record {
         })
     }
 
-    /// Lets points go where there are too many, evenly in space.
+    /// Reduces the points to the maximum, evenly in space.
     pub(crate) fn thin(&mut self, view: &MapView) {
         if self.points.len() <= MOST_POINTS {
             return;
@@ -118,7 +115,7 @@ impl Record {
     }
 }
 
-/// Height and longest side across the floor, m: what is smaller is a piece of a thing of that class, and says little of where that is.
+/// Minimum height and longest horizontal side, m: smaller ones are fragments that do not locate an object of the class.
 const SMALLEST: [(&str, [f64; 2]); 6] = [
     ("chair", [0.35, 0.1]),
     ("dining table", [0.35, 0.3]),
@@ -128,20 +125,19 @@ const SMALLEST: [(&str, [f64; 2]); 6] = [
     ("refrigerator", [0.5, 0.3]),
 ];
 
-/// Whether a box is as large as things of a class are at least.
 pub(crate) fn can_be(class: ClassId, bounds: &UprightBox) -> bool {
     let size = bounds.size;
     let least = SMALLEST.iter().find(|s| s.0 == class.name());
     least.is_none_or(|(_, [high, long])| size.z >= *high && size.x.max(size.y) >= *long)
 }
 
-/// What boxes are drawn in.
+/// Frame and floors in which boxes are computed.
 pub(crate) struct World<'a> {
     pub(crate) view: &'a MapView,
     pub(crate) levels: &'a BTreeMap<SubmapId, Floor>,
 }
 
-/// Classes of things that stand on the floor: mostly their feet are hidden, or too thin to be seen.
+/// Classes that stand on the floor; their feet are mostly occluded, or too thin to be seen.
 const ON_FLOOR: [&str; 9] = [
     "bench",
     "chair",
@@ -153,18 +149,16 @@ const ON_FLOOR: [&str; 9] = [
     "refrigerator",
     "suitcase",
 ];
-/// Whether things of a class stand on the floor.
 pub(crate) fn stands(class: ClassId) -> bool {
     ON_FLOOR.contains(&class.name())
 }
 
-/// They are seen from this height on, at most, m.
+/// Maximum height of the lowest visible part of such an object, m.
 const HIGHEST_FOOT: f64 = 0.9;
 
-/// Heights are counted in steps of this, m.
 const STEP: f64 = 0.02;
 
-/// The height of a table's top, which is where most of its points are: what lies on it is no part of it.
+/// The height of a table's top, which has most of its points; items on it are not part of it.
 fn top(points: &[Vec3], level: &Mat3) -> f64 {
     let mut counts: BTreeMap<i64, usize> = BTreeMap::new();
     for p in points {
@@ -176,12 +170,12 @@ fn top(points: &[Vec3], level: &Mat3) -> f64 {
     most.map_or(f64::INFINITY, |(step, _)| (*step as f64 + 2.0) * STEP)
 }
 
-/// Points of a table this far below its top are of its board, m.
+/// Thickness below a table's top that belongs to its board, m.
 const BOARD: f64 = 0.1;
-/// Side of the columns in which it is told whether a surface is upright, m.
+/// Side of the columns in which upright surfaces are detected, m.
 const COLUMN: f64 = 0.1;
 
-/// The points of a table's board: of a column in which most are not of it, none is. That is a wall beside it, or a chair.
+/// The points of a table's board. Columns with mostly other points are excluded: a wall or a chair beside it.
 fn board(points: &[Vec3], level: &Mat3, top: f64) -> Vec<Vec3> {
     let column = |p: &Vec3| {
         let local = level * p;
@@ -198,7 +192,6 @@ fn board(points: &[Vec3], level: &Mat3, top: f64) -> Vec<Vec3> {
 }
 
 impl World<'_> {
-    /// The box around the points of a thing.
     pub(crate) fn bounds(
         &self,
         class: ClassId,
@@ -263,7 +256,7 @@ mod tests {
         );
         assert!((alone.centre - with.centre).norm() < 0.03, "{with:?}");
         assert!((with.size.z - 0.73).abs() < 0.02, "{with:?}");
-        // The control: of a couch the wall would be a part.
+        // Control: for a couch the wall would be included.
         assert!(bounds("couch", &points).longest() > alone.longest() + 0.4);
     }
 

@@ -1,18 +1,19 @@
-//! Parts of one thing that do not touch: of a desk behind screens several pieces are seen.
+//! Detached parts of one object: several pieces of a desk behind screens are visible.
 //!
-//! A detector says one box for them all. So it finds one part while the other is in sight, again and again; of two things it would find both now and then.
+//! A detector gives one box for all of them. So one part is detected while the other is visible, again and again; two separate objects
+//! would sometimes both be detected.
 
 use super::merge::Part;
 use super::scope::largest;
 use stillpoint_geometry::Vec3;
 
-/// The gap between two parts of one thing, as a share of the diagonal of both together.
+/// Maximum gap between two parts of one object, as a share of the diagonal of both.
 const GAP: f64 = 0.3;
-/// Looks that show both parts and in which only one was found, at least. Of two things that are missed every third time, both would be missed together with
-/// these odds: one in fifty.
+/// Minimum number of views that show both parts with a detection of only one. If two objects are missed every third time, both are missed
+/// together with odds of one in fifty.
 const LEAST_LOOKS: usize = 4;
 
-/// Whether two parts of a class are of one thing, by where they are and what was found of them.
+/// Whether two parts of a class belong to one object, by their positions and detections.
 pub(crate) fn is_rest(a: &Part, b: &Part) -> bool {
     let Some(most) = largest(a.class()) else {
         return false;
@@ -49,7 +50,7 @@ mod tests {
     use stillpoint_geometry::Mat3;
     use stillpoint_map::{KeyframeId, SubmapId};
 
-    /// Half a metre of a surface at x, found in some of the looks 0 to 19, all of which show it.
+    /// Half a metre of a surface at x, detected in some of the views 0 to 19, all of which show it.
     fn piece(class: &str, x: f64, looks: impl Iterator<Item = usize>) -> Part {
         let at = |k: u32| Vec3::new(x + 0.05 * f64::from(k), 0.0, 0.7);
         let point = Point::new(KeyframeId(0), &Vec3::zeros()).unwrap();
@@ -78,12 +79,12 @@ mod tests {
             &left,
             &piece("dining table", 0.8, [9, 12].into_iter())
         ));
-        // Two tables are found together at times.
+        // Two tables are sometimes detected together.
         assert!(!is_rest(&left, &piece("dining table", 0.8, 7..16)));
-        // What is far away, or as large together as no table is, is another one.
+        // Parts that are far apart, or too large together, are different objects.
         assert!(!is_rest(&left, &piece("dining table", 1.2, 9..16)));
         assert!(!is_rest(&left, &piece("dining table", 6.0, 9..16)));
-        // Of things whose size is not known nothing is said, and chairs are smaller.
+        // Without a known size there is no decision, and chairs are smaller.
         assert!(!is_rest(
             &piece("book", 0.0, 0..8),
             &piece("book", 0.6, 9..16)
@@ -92,7 +93,7 @@ mod tests {
             &piece("chair", 0.0, 0..8),
             &piece("chair", 0.6, 9..16)
         ));
-        // Looks that do not show the other part say nothing.
+        // Views that do not show the other part do not count.
         let mut right = piece("dining table", 0.8, std::iter::once(9));
         right.shown = BTreeSet::from([9]);
         let mut left = left;

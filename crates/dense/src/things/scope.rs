@@ -1,4 +1,4 @@
-//! How far things reach: what hangs together with a thing but is farther from its middle than it can reach is something else.
+//! Maximum size of objects: connected points beyond it belong to something else.
 
 use super::carve::{Cell, evenly, fit, goes_on};
 use super::part::stands;
@@ -6,7 +6,7 @@ use super::part::stands;
 use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 
-/// Longest sides across the floor, m: of the largest ones that are sold for homes and offices. Of others their boxes tell enough.
+/// Longest horizontal sides, m: of the largest products for homes and offices. For other classes the boxes suffice.
 const LONGEST: [(&str, f64); 9] = [
     ("chair", 0.8),
     ("toilet", 0.8),
@@ -18,42 +18,41 @@ const LONGEST: [(&str, f64); 9] = [
     ("bed", 2.3),
     ("dining table", 3.0),
 ];
-/// What is seen along its length at times.
+/// Classes that may be seen along their length.
 const LONG: [&str; 4] = ["bench", "couch", "bed", "dining table"];
-/// Largest extent of a thing in depth, as a multiple of the width or height of its box.
+/// Maximum depth extent of an object, as a multiple of the width or height of its box.
 const DEEP: f64 = 1.5;
-/// Largest extent of a thing of [`LONG`] in depth, as a multiple of the width or height of its box.
+/// Maximum depth extent of an object of [`LONG`], as a multiple of the width or height of its box.
 const DEEP_IF_LONG: f64 = 3.0;
-/// From the longest side to the diagonal.
+/// Ratio of the diagonal to the longest side.
 const DIAGONAL: f64 = 1.2;
-/// Places that are tried for the middle of a thing in a piece that is too large.
+/// Number of centres that are tried in an oversized component.
 const MIDDLES: usize = 40;
-/// What it counts against points that their surface goes on beyond the borders of the boxes, beside how well they meet these.
+/// Penalty of points whose surface continues beyond the borders of the boxes, relative to the fit.
 const GOES_ON: f64 = 0.5;
-/// Pieces that are doubted less are not cut: noise and the ground at the foot of a thing look as if it went on there.
+/// Doubt below which components are not cut: noise and the ground at an object's foot look like a continuing surface.
 const LEAST_DOUBT: f64 = 0.15;
 /// Diameters that are tried, as shares of the largest one; of equals the first.
 const SHARES: [f64; 4] = [1.0, 0.85, 0.7, 0.55];
 
-/// The diameter across the floor of the largest things of a class; none where it says little of the size.
+/// The maximum horizontal diameter of a class; `None` for classes of variable size.
 pub(crate) fn largest(class: ClassId) -> Option<f64> {
     let longest = LONGEST.iter().find(|l| l.0 == class.name())?;
     Some(DIAGONAL * longest.1)
 }
 
-/// What is known of the size of a thing before its points are.
+/// Size limits of an object before its points are known.
 pub(crate) struct Scope<'a> {
     pub(crate) class: ClassId,
-    /// Up, where the floor is known; without it distances count in all directions.
+    /// Up, if the floor is known; otherwise distances count in all directions.
     pub(crate) up: Option<Vec3>,
-    /// The compared boxes.
     pub(crate) boxes: &'a [Option<[f32; 4]>],
-    /// By compared box, how large it is at the depth of some place, m.
+    /// By compared box, its size at the depth of a point, m.
     pub(crate) sides: &'a dyn Fn(&Vec3) -> Vec<f64>,
 }
 
 impl Scope<'_> {
-    /// The diameter that it has across the floor if it is at some place, at most, m.
+    /// The maximum horizontal diameter of the object at a point, m.
     fn diameter(&self, at: &Vec3) -> f64 {
         let mut sides = (self.sides)(at);
         sides.sort_by(f64::total_cmp);
@@ -71,8 +70,8 @@ impl Scope<'_> {
         self.up.map_or(gap, up).norm()
     }
 
-    /// How surely some points are of what is behind the thing, by where they go on: what this counts against how they meet the borders. Of what is
-    /// long and of what lies on others nothing is said, as desks stand in rows and books lie on desks.
+    /// Doubt that some points are background, by where they continue, weighted against the fit. None for long objects and for those on
+    /// others, as desks stand in rows and books lie on desks.
     pub(crate) fn doubt(&self, cells: &[Cell], members: &[usize]) -> f64 {
         let ends = stands(self.class) && !LONG.contains(&self.class.name());
         if ends {
@@ -82,7 +81,6 @@ impl Scope<'_> {
         }
     }
 
-    /// Whether some points are of no more than one thing.
     pub(crate) fn holds(&self, cells: &[Cell], members: &[usize]) -> bool {
         let middle = middle(cells, members);
         let radius = 0.5 * self.diameter(&middle);
@@ -90,7 +88,7 @@ impl Scope<'_> {
         members.iter().all(near)
     }
 
-    /// Of a piece that is too large, or in doubt, the part that meets the borders of the boxes best; else the piece.
+    /// For an oversized or doubtful component, its part with the best fit; otherwise the component.
     pub(crate) fn cut(&self, cells: &[Cell], piece: Vec<usize>) -> Vec<usize> {
         if self.holds(cells, &piece) && self.doubt(cells, &piece) < LEAST_DOUBT {
             return piece;
@@ -107,7 +105,6 @@ impl Scope<'_> {
         best.map_or(piece, |b| b.1)
     }
 
-    /// Takes what is around a middle for the best where it is.
     fn try_around(
         &self,
         middle: &Vec3,
@@ -128,7 +125,6 @@ impl Scope<'_> {
     }
 }
 
-/// The middle of the space that some points take.
 fn middle(cells: &[Cell], members: &[usize]) -> Vec3 {
     let far = Vec3::repeat(f64::INFINITY);
     let (low, high) = members.iter().fold((far, -far), |(low, high), i| {
@@ -176,12 +172,12 @@ mod tests {
         let (left, right) = sides.fold((0.0, 0.0), |(a, b): (f64, f64), x| (a.min(x), b.max(x)));
         assert!(left < -0.2 && right > 0.2, "{left} {right}");
         assert!(reach(&chair) < 3.2, "{}", reach(&chair));
-        // The control: a table may be as long as that.
+        // Control: a table may be that long.
         assert_eq!(cut("dining table").len(), all.len());
         assert!(reach(&all) > 3.9);
     }
 
-    /// A chair that hangs together with a shelf behind it, both as wide as its box.
+    /// A chair connected to a shelf behind it, both as wide as its box.
     #[test]
     fn a_shelf_that_goes_on_behind_a_chair_is_cut_off() {
         let mut cells = Vec::new();
@@ -210,7 +206,7 @@ mod tests {
             depths.fold(0.0, f64::max)
         };
         assert!(cut("chair", true) < 2.45, "{}", cut("chair", true));
-        // Controls: what ends with its boxes is its own, and desks stand in rows.
+        // Controls: a surface that ends with its boxes is kept, and desks stand in rows.
         assert!(cut("chair", false) > 2.69);
         assert!(cut("dining table", true) > 2.69);
     }

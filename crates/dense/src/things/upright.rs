@@ -1,4 +1,4 @@
-//! Boxes that stand upright.
+//! Upright bounding boxes.
 
 use crate::floor::Floor;
 use stillpoint_geometry::{Mat3, Vec3};
@@ -6,21 +6,21 @@ use stillpoint_geometry::{Mat3, Vec3};
 /// A box whose third axis is up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UprightBox {
-    /// Its middle, m, world.
+    /// Its centre, m, world.
     pub centre: Vec3,
     /// Its sides along its own axes, m; the third is its height.
     pub size: Vec3,
-    /// From its own axes to the world's; the third column is up.
+    /// Rotation from its own axes to the world's; the third column is up.
     pub world_from_box: Mat3,
 }
 
-/// Shares of the points that are left out at each end: depth at borders of things is of what is behind them.
+/// Share of points left out at each end: depth at object borders is that of the background.
 const OUTSIDE: f64 = 0.02;
-/// Directions that are tried for the sides of a box.
+/// Number of orientations that are tried.
 const TURNS: u32 = 30;
 
 impl UprightBox {
-    /// The box of the smallest base around nearly all of some points; none of fewer than three.
+    /// The box of the smallest base around nearly all points; `None` for fewer than three.
     pub(crate) fn around(points: &[Vec3], level: &Mat3) -> Option<Self> {
         if points.len() < 3 {
             return None;
@@ -61,7 +61,7 @@ impl UprightBox {
         })
     }
 
-    /// The same box with its foot on the floor, where it is above it by less than `most` (m).
+    /// Extends the box down to the floor, if that is less than `most` (m) below it.
     pub(crate) fn on_floor(mut self, floor: &Floor, most: f64) -> Self {
         let up: Vec3 = self.world_from_box.column(2).into();
         let foot = floor.height(&self.centre) - 0.5 * self.size.z;
@@ -72,7 +72,7 @@ impl UprightBox {
         self
     }
 
-    /// The same box with its sides moved outwards to some places.
+    /// Extends the sides to include some points horizontally.
     pub(crate) fn reaching(mut self, places: &[Vec3]) -> Self {
         for place in places {
             let local = self.world_from_box.transpose() * (place - self.centre);
@@ -88,7 +88,7 @@ impl UprightBox {
         self
     }
 
-    /// Whether a point of the world is in it, or outside by less than a margin (m).
+    /// Whether a world point is inside, or outside by less than a margin (m).
     #[must_use]
     pub fn contains(&self, p: &Vec3, margin: f64) -> bool {
         let local = self.world_from_box.transpose() * (p - self.centre);
@@ -109,7 +109,7 @@ mod tests {
     use stillpoint_geometry::so3;
 
     proptest! {
-        /// A turned and tilted box is found again from points on its faces.
+        /// A turned and tilted box is recovered from points on its faces.
         #[test]
         fn boxes_are_found(
             size in prop::array::uniform3(0.05..2.0_f64), turn in 0.0..1.57_f64,
@@ -137,7 +137,7 @@ mod tests {
             let reach = size.xy().norm();
             prop_assert!((found.centre - at).norm() < 0.04 * reach + 1e-9, "{found:?}");
             prop_assert!((found.size.z - size.z).abs() < 1e-9);
-            // Between two turns that are tried a side is short or long by half a step.
+            // Between two tried orientations a side is off by up to half a step.
             let area = (size.x * size.y, found.size.x * found.size.y);
             prop_assert!(area.1 <= area.0 + 0.06 * reach * reach, "{area:?}");
             let turned = found.world_from_box.determinant();
@@ -173,7 +173,7 @@ mod tests {
             (all.centre - Vec3::new(0.95, 2.2, 0.5)).norm() < 1e-12,
             "{all:?}"
         );
-        // What is in it, or above it, changes nothing.
+        // Points inside or above it change nothing.
         assert_eq!(seat.reaching(&[Vec3::new(1.1, 2.05, 3.0)]), seat);
         assert_eq!(seat.reaching(&[]), seat);
     }
@@ -191,7 +191,7 @@ mod tests {
         };
         let chair = seat.on_floor(&floor(0.0), 1.0);
         assert!((chair.centre.z - 0.5).abs() < 1e-12 && (chair.size.z - 1.0).abs() < 1e-12);
-        // A floor above it or far below it is not its own.
+        // A floor above it or far below it is ignored.
         assert_eq!(seat.on_floor(&floor(0.6), 1.0), seat);
         assert_eq!(seat.on_floor(&floor(-3.0), 1.0), seat);
     }

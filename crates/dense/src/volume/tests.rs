@@ -1,4 +1,4 @@
-//! Volumes of surfaces that are known, and the laws of their meshes.
+//! Volumes of known surfaces, and properties of their meshes.
 
 use super::*;
 use crate::arrivals::Arrivals;
@@ -15,7 +15,7 @@ pub(crate) fn camera() -> Camera {
     Camera::pinhole(W as u32, H as u32, [70.0, 70.0, 39.5, 29.5])
 }
 
-/// What a camera sees whose rays end as `depth` says: a function of origin and direction (with z = 1 in the camera) in the world.
+/// A camera observation with ray lengths by `depth`: a function of origin and direction (with z = 1 in the camera) in the world.
 pub(crate) fn look(pose: &Se3, depth: impl Fn(&Vec3, &Vec3) -> Option<f64>) -> Observation {
     let c = camera();
     let of = |i: usize| {
@@ -52,7 +52,6 @@ pub(crate) fn plane(normal: Vec3, offset: f64) -> impl Fn(&Vec3, &Vec3) -> Optio
     move |o, d| Some((offset - normal.dot(o)) / normal.dot(d)).filter(|z| *z > 0.0 && *z < 12.0)
 }
 
-/// From a point, looking at another.
 pub(crate) fn looking(from: Vec3, to: Vec3) -> Se3 {
     let z = (to - from).normalize();
     let side = if z.y.abs() < 0.9 {
@@ -77,7 +76,7 @@ pub(crate) const ALL: MeshOptions = MeshOptions {
     min_area: 0.0,
 };
 
-/// Sides of triangles by how often they are used, in both directions.
+/// Triangle edges by number of uses, in both directions.
 fn sides(mesh: &Mesh) -> BTreeMap<(u32, u32), usize> {
     let mut sides = BTreeMap::new();
     for [a, b, c] in &mesh.triangles {
@@ -91,7 +90,7 @@ fn sides(mesh: &Mesh) -> BTreeMap<(u32, u32), usize> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(6))]
 
-    /// A ball that is seen from all around is closed, smooth and where it is.
+    /// A ball seen from all around is closed, smooth and in place.
     #[test]
     fn a_ball_is_closed_and_round(
         at in prop::array::uniform3(-3.0_f64..3.0),
@@ -127,7 +126,7 @@ proptest! {
         prop_assert!(mesh.colours.iter().all(|c| *c == [0xc0, 0x80, 0x40]));
     }
 
-    /// A wall is flat, and open at its border only.
+    /// A wall is flat, and open only at its border.
     #[test]
     fn a_wall_is_flat_and_ends_at_its_border(
         turn in prop::array::uniform3(-0.5_f64..0.5),
@@ -159,7 +158,7 @@ proptest! {
         for i in 0..mesh.positions.len() as u32 {
             let p = mesh.position(i);
             let error = (normal.dot(&p) - offset).abs();
-            // Where all around was measured, and what the volume says of the same place; and where the surface was carried on beyond.
+            // Within the measured space, as given by the volume; and where the surface was extrapolated.
             let bound = match volume.distance(&p) {
                 Some(d) => {
                     prop_assert!(d.abs() < 0.2 * voxel);
@@ -171,7 +170,7 @@ proptest! {
         }
     }
 
-    /// Vectors and portable code give the same bits, whatever the camera sees.
+    /// Vector and portable code give the same bits for any observation.
     #[test]
     fn vectors_are_scalars(
         seed in any::<u64>(),
@@ -215,7 +214,6 @@ fn still() -> Se3 {
     Se3::identity()
 }
 
-/// A box of 0.4 m before a wall.
 fn with_box(z: f64) -> impl Fn(&Vec3, &Vec3) -> Option<f64> {
     move |_, d| {
         Some(if d.x.abs() < 0.2 / z && d.y.abs() < 0.2 / z {
@@ -315,7 +313,7 @@ fn empty_blocks_are_given_back() {
         );
     }
     let of_first = |v: &Volume| v.blocks.within([[-99, -99, 0], [99, 99, 8]]).count();
-    // Around the border of the image some of each block was never seen through.
+    // At the image border a part of each block was never seen through.
     assert!(near > 20 && of_first(&volume) < near, "{near}");
     for (x, y, z) in [(0, 0, 5), (0, -1, 6), (-1, 0, 6), (-1, -1, 5)] {
         assert!(

@@ -1,7 +1,6 @@
 use super::*;
 use stillpoint_geometry::Se3;
 
-/// A camera that is waved about.
 fn camera(t: f64) -> UnitQuaternion<f64> {
     so3::exp(&Vec3::new(0.0, 0.35 * (2.1 * t).sin(), 0.0))
         * so3::exp(&Vec3::new(0.25 * (1.3 * t).sin(), 0.0, 0.0))
@@ -12,7 +11,7 @@ fn mount() -> UnitQuaternion<f64> {
     so3::exp(&Vec3::new(0.5, -0.3, 0.9))
 }
 
-/// What a sensor measures that stands to the camera as `to_sensor` turns the camera's axes, and whose stamps are `late`.
+/// Samples of a sensor whose axes are turned by `to_sensor` against the camera's, and whose stamps are `late`.
 fn samples(to_sensor: &Mat3, scale: f64, force: f64, late: f64) -> Vec<ImuSample> {
     let sample = |k: u32| {
         let (t, h) = (f64::from(k) / 200.0, 1e-4);

@@ -1,17 +1,16 @@
-//! How the camera stands on the base, and by how much the clocks differ, by the motions of both.
+//! Estimates the camera's mount on the base, and the difference of the clocks, from the motions of both.
 
 use super::{LEAST, LONGEST_GAP_S, TELLING};
 use stillpoint_geometry::nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 use stillpoint_geometry::{Mat3, Se3, Vec3, so3};
 use stillpoint_imaging::OdometrySample;
 
-/// Motions over so long are compared, s.
+/// Interval of compared motions, s.
 const WINDOW_S: f64 = 0.3;
-/// Time shifts that are tried, s.
+/// Maximum time shift tried, s.
 const FARTHEST_S: f64 = 0.2;
 const STEP_S: f64 = 0.01;
 
-/// Poses in order of time.
 pub(super) struct Track(pub(super) Vec<(f64, Se3)>);
 
 impl Track {
@@ -44,7 +43,7 @@ pub(super) struct Motion {
     pub(super) base: Se3,
 }
 
-/// Motions over windows that both know, the base's stamps shifted by `shift`.
+/// Motions over windows that both cover, the base's stamps shifted by `shift`.
 pub(super) fn motions(base: &Track, camera: &Track, shift: f64) -> Vec<Motion> {
     let poses = &camera.0;
     let one = |(i, (from, before)): (usize, &(f64, Se3))| {
@@ -59,7 +58,7 @@ pub(super) fn motions(base: &Track, camera: &Track, shift: f64) -> Vec<Motion> {
     poses.iter().enumerate().filter_map(one).collect()
 }
 
-/// Pairs of vectors that the mount turns into each other, the camera's first: ways, then turns, as many of each.
+/// Pairs of vectors that the mount turns into each other, the camera's first: all translations, then all rotations.
 pub(super) fn vectors(motions: &[Motion], lever: &Vec3) -> Vec<(Vec3, Vec3)> {
     let way = |m: &Motion| {
         let swung = m.base.rotation * lever - lever;
@@ -73,21 +72,21 @@ pub(super) fn vectors(motions: &[Motion], lever: &Vec3) -> Vec<(Vec3, Vec3)> {
         .collect()
 }
 
-/// How the camera stands on the base by the motions of both.
+/// Rotation of the mount, from the motions of both.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
     pub(super) base_from_camera: UnitQuaternion<f64>,
-    /// Standard deviation of that about an axis, rad.
+    /// Its standard deviation about an axis, rad.
     pub(super) sigma: f64,
-    /// The base's ways and turns against the camera's; 0 where there are hardly any.
+    /// The base's translations and rotations over the camera's; 0 if there are hardly any.
     pub(super) factors: [f64; 2],
-    /// Share of the motions that the rotation leaves unexplained.
+    /// Fraction of the motions that the mount leaves unexplained.
     pub(super) left: f64,
-    /// What is to be added to the base's stamps, s.
+    /// Correction to add to the base's stamps, s.
     pub(super) shift: f64,
 }
 
-/// The fit at the shift that leaves least; none where the motions do not tell.
+/// The fit at the shift with the smallest residual; `None` if the motions do not determine it.
 pub(super) fn best(base: &Track, camera: &Track, lever: &Vec3) -> Option<Fit> {
     let steps = (FARTHEST_S / STEP_S).round() as i32;
     let fit = |k: i32| {
@@ -109,7 +108,6 @@ pub(super) fn best(base: &Track, camera: &Track, lever: &Vec3) -> Option<Fit> {
     Some(best)
 }
 
-/// The rotation between the axes of both.
 fn fit(pairs: &[(Vec3, Vec3)]) -> Option<Fit> {
     if pairs.len() < 2 * LEAST {
         return None;
@@ -136,7 +134,7 @@ fn fit(pairs: &[(Vec3, Vec3)]) -> Option<Fit> {
             0.0
         }
     });
-    // Ways and turns of the camera's size, so that a wrong unit is not taken for a wrong mount.
+    // Scaled to the camera's, so that a wrong unit does not look like a wrong mount.
     let by = |factor: f64| if factor > 0.0 { 1.0 / factor } else { 1.0 };
     let way = ways.iter().map(|p| (p.0, p.1 * by(factors[0])));
     let turn = turns.iter().map(|p| (p.0, p.1 * by(factors[1])));
@@ -152,7 +150,7 @@ fn fit(pairs: &[(Vec3, Vec3)]) -> Option<Fit> {
     })
 }
 
-/// The rotation that brings the first of all pairs nearest to the second, and the share that it leaves.
+/// The rotation that brings the first of all pairs nearest to the second, and the residual fraction.
 fn kabsch(pairs: &[(Vec3, Vec3)]) -> Option<(UnitQuaternion<f64>, f64)> {
     let cross: Mat3 = pairs.iter().map(|p| p.1 * p.0.transpose()).sum();
     let svd = cross.svd(true, true);

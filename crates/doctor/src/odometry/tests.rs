@@ -1,7 +1,7 @@
 use super::*;
 use stillpoint_geometry::nalgebra::UnitQuaternion;
 
-/// A robot that goes in curves, its camera swaying a little: `world_from_base`.
+/// A robot that drives curves, its camera swaying a little: `world_from_base`.
 fn robot(t: f64) -> Se3 {
     let yaw = 0.5 * (1.7 * t).sin();
     let turn = so3::exp(&Vec3::new(0.0, 0.0, yaw));
@@ -28,7 +28,7 @@ fn sample(stamp: f64, pose: &Se3) -> OdometrySample {
     }
 }
 
-/// What odometry says of a way, after a change of each pose; its stamps are `late`.
+/// Odometry samples of a path, after a change of each pose; its stamps are `late`.
 fn samples(
     way: fn(f64) -> Se3,
     change: impl Fn(u32, Se3) -> Se3,
@@ -133,7 +133,7 @@ fn what_is_wrong_is_named_with_what_would_be_right() {
         );
         assert!(parts.iter().all(|p| said.contains(p)), "{parts:?}: {said}");
     }
-    // Turns to the other side: the ways bend otherwise too.
+    // Reversed rotations: the path bends the other way too.
     let odd = |t: f64| {
         let p = robot(t);
         let mirrored = Vec3::new(p.translation.x, -p.translation.y, 0.0);

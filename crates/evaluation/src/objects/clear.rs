@@ -1,31 +1,31 @@
-//! CLEAR MOT: what is found, missed and exchanged, frame by frame.
+//! CLEAR MOT: found, missed and switched objects, frame by frame.
 
 use super::{Row, Table, share};
 use stillpoint_geometry::assign;
 
-/// MOTA and what it is made of.
+/// MOTA and its components.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Clear {
-    /// 1 less the share of errors (missed, wrong, switched) in all boxes that there are; may be negative.
+    /// 1 less the fraction of errors (missed, wrong, switched) in all true boxes; may be negative.
     pub mota: f64,
     /// Overlap of the right boxes, 0 to 1.
     pub motp: f64,
     /// Right boxes.
     pub right: usize,
-    /// Boxes that there are and that were not found.
+    /// True boxes that were not found.
     pub missed: usize,
-    /// Boxes that were found where nothing is.
+    /// Found boxes without an object.
     pub wrong: usize,
-    /// How often a thing was given another number than before.
+    /// Number of changes of an object's id.
     pub id_switches: usize,
-    /// How often a thing was found again after it had been missed.
+    /// Number of times that an object was found again after being missed.
     pub fragments: usize,
 }
 
-/// Weight that keeps a thing with the number that it had in the frame before.
+/// Weight that keeps an object's id of the previous frame.
 const KEPT: f64 = 1000.0;
 
-/// The score, and the matches of each frame: places in its lists of truth and found.
+/// The score, and the matches of each frame: indices into its lists of truth and found.
 pub(super) fn score(table: &Table, least: f64) -> (Clear, Vec<Vec<(usize, usize)>>) {
     let mut s = Clear::default();
     let mut last_number = vec![None; table.truth_ids];
@@ -70,7 +70,7 @@ pub(super) fn score(table: &Table, least: f64) -> (Clear, Vec<Vec<(usize, usize)
     (s, all)
 }
 
-/// Boxes that no thing is under, over all frames.
+/// Boxes without an object, over all frames.
 pub(super) fn ghosts(table: &Table, least: f64) -> usize {
     let ghosts = |row: &Row| row.found.len() - matched(row, least, |_, _| 0.0).len();
     table.rows.iter().map(ghosts).sum()

@@ -1,22 +1,21 @@
-//! HOTA: detection and association in one figure, over thresholds of overlap.
+//! HOTA: detection and association in one value, over thresholds of overlap.
 
 use super::{Row, Table, share};
 use stillpoint_geometry::assign;
 
-/// HOTA and its parts, each the mean over the thresholds 0.05, 0.10, .. 0.95; 0 to 1.
+/// HOTA and its parts, each the mean over the thresholds 0.05 to 0.95 in steps of 0.05; 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Hota {
     /// The root of detection times association.
     pub hota: f64,
-    /// Share of right boxes among all that there are or were found.
+    /// Fraction of right boxes among all true or found ones.
     pub detection: f64,
-    /// The same along the tracks of each right box.
+    /// Likewise along the tracks of each right box.
     pub association: f64,
     /// Overlap of the right boxes.
     pub localisation: f64,
 }
 
-/// Number of thresholds.
 const THRESHOLDS: usize = 19;
 
 pub(super) fn score(table: &Table) -> Hota {
@@ -50,7 +49,7 @@ pub(super) fn score(table: &Table) -> Hota {
     mean
 }
 
-/// How much of two tracks lies together, by truth and found.
+/// Global alignment of two tracks, by truth and found.
 fn alignment(table: &Table) -> Vec<Vec<f64>> {
     let mut together = vec![vec![0.0; table.found_ids]; table.truth_ids];
     for row in &table.rows {
@@ -75,14 +74,12 @@ fn alignment(table: &Table) -> Vec<Vec<f64>> {
     together
 }
 
-/// What is right at one threshold.
 #[derive(Clone)]
 struct Count {
     right: f64,
     missed: f64,
     wrong: f64,
     overlap: f64,
-    /// Right boxes by truth and found.
     pairs: Vec<Vec<f64>>,
 }
 

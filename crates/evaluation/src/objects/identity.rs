@@ -1,16 +1,16 @@
-//! IDF1: one number per thing for the whole sequence.
+//! IDF1: one id per object for the whole sequence.
 
 use super::{Table, share};
 use stillpoint_geometry::assign;
 
-/// IDF1 and what it is made of, 0 to 1.
+/// IDF1 and its components, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Identity {
     /// Harmonic mean of precision and recall.
     pub f1: f64,
-    /// Share of the found boxes that bear the number of their thing.
+    /// Fraction of the found boxes with the id of their object.
     pub precision: f64,
-    /// Share of the boxes that there are that were found under their thing's number.
+    /// Fraction of the true boxes found with their object's id.
     pub recall: f64,
 }
 

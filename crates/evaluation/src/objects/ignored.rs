@@ -1,16 +1,17 @@
-//! What does not count: tracks on things that are there and in no list of what moves.
+//! Ignored tracks: on objects that exist but are not in the list of moving ones.
 
 use super::{TrackFrame, iou};
 use stillpoint_geometry::assign;
 
-/// Overlap from which a found box is one of the truth's, before it may be ignored: that of MOTChallenge.
+/// Overlap from which a found box matches the truth, before it may be ignored: that of MOTChallenge.
 const TRUE: f64 = 0.5;
-/// Share of a found box in an ignored one from which it is ignored.
+/// Fraction of a found box inside an ignored one from which it is ignored.
 const INSIDE: f64 = 0.5;
 /// Intersection over union with an ignored box from which it is ignored.
 const SAME: f64 = 0.3;
 
-/// The frame without what was found in ignored places. What fits a truth counts wherever it is. As in MOTChallenge the assignment to the truth comes first.
+/// The frame without found boxes in ignored regions. Boxes that match the truth always count. As in MOTChallenge the assignment to the
+/// truth comes first.
 pub(super) fn without_ignored(frame: &TrackFrame) -> TrackFrame {
     let mut kept = frame.clone();
     if frame.ignored.is_empty() {
@@ -51,7 +52,7 @@ fn covers(place: &[f64; 4], found: &[f64; 4]) -> bool {
         found[2].min(place[2]),
         found[3].min(place[3]),
     ];
-    // A box and its own part: the overlap of the two is the share of the part.
+    // The overlap of a box and its own part is the fraction of the part.
     let inside = cut[0] < cut[2] && cut[1] < cut[3] && iou(&cut, found) >= INSIDE;
     inside || iou(place, found) >= SAME
 }

@@ -1,8 +1,8 @@
-//! How well objects are followed: HOTA, MOTA, IDF1, ghosts, and errors of position and velocity.
+//! Scores of object tracking: HOTA, MOTA, IDF1, ghosts, and errors of position and velocity.
 //!
-//! Answers what the field asks of a tracker, with the field's definitions: HOTA (Luiten et al., "HOTA: A higher order metric for evaluating multi-object
-//! tracking", IJCV 2021), CLEAR MOT (Bernardin, Stiefelhagen, "Evaluating multiple object tracking performance", 2008), IDF1 (Ristani et al., "Performance
-//! measures and a data set for multi-target, multi-camera tracking", 2016). Figures agree with the Python package `trackeval`. Knows boxes, not images.
+//! Uses the field's definitions: HOTA (Luiten et al., "HOTA: A higher order metric for evaluating multi-object tracking", IJCV 2021), CLEAR
+//! MOT (Bernardin, Stiefelhagen, "Evaluating multiple object tracking performance", 2008), IDF1 (Ristani et al., "Performance measures and
+//! a data set for multi-target, multi-camera tracking", 2016). Results agree with the Python package `trackeval`. Knows boxes, not images.
 
 mod clear;
 mod hota;
@@ -18,7 +18,7 @@ pub use motion::{MotionErrors, TrackState, TrackSummary, track_summary};
 use std::collections::BTreeMap;
 use stillpoint_geometry::{Se3, Vec3};
 
-/// Where a thing is in the world and how it moves.
+/// Position and velocity of an object in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointMotion {
     /// Position, m.
@@ -27,38 +27,38 @@ pub struct PointMotion {
     pub velocity: Vec3,
 }
 
-/// The box of a thing in a frame.
+/// The box of an object in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackedBox {
-    /// Its number, the same in all frames.
+    /// Id, the same in all frames.
     pub id: u32,
     /// Left, upper, right and lower border, px.
     pub bounds: [f64; 4],
-    /// Where it is and how it moves, if that is known.
+    /// Its motion, if known.
     pub motion: Option<PointMotion>,
 }
 
-/// A frame: what there is, and what was found.
+/// True and found boxes of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrackFrame {
     /// Time, s.
     pub stamp: f64,
-    /// What there is; no number twice.
+    /// True boxes; ids are unique.
     pub truth: Vec<TrackedBox>,
-    /// What was found; no number twice.
+    /// Found boxes; ids are unique.
     pub found: Vec<TrackedBox>,
-    /// Boxes of things that may be found and need not be. What is found there and fits no truth does not count at all.
+    /// Boxes of objects that may be found and need not be. Found boxes there that match no truth do not count at all.
     pub ignored: Vec<[f64; 4]>,
 }
 
-/// How to compare.
+/// Options of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackOptions {
-    /// Intersection over union from which MOTA and IDF1 take a box for the right one, above 0 up to 1.
+    /// Minimum intersection over union of a right box for MOTA and IDF1, above 0 up to 1.
     pub iou: f64,
     /// Intersection over union below which a box is a ghost, above 0 up to 1.
     pub ghost_iou: f64,
-    /// Maps the world of what was found to that of the truth, for errors of position and of velocity; `None` when that is not known.
+    /// Maps the world of the found boxes to that of the truth, for errors of position and of velocity; `None` if unknown.
     pub truth_from_found: Option<Se3>,
 }
 
@@ -72,28 +72,28 @@ impl Default for TrackOptions {
     }
 }
 
-/// What a comparison of tracks gave.
+/// Result of a comparison of tracks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackScore {
     /// Frames compared.
     pub frames: usize,
-    /// Things that there are, over all frames.
+    /// Number of true objects, over all frames.
     pub truth_ids: usize,
-    /// Numbers that were given to what was found, without those that were ignored throughout.
+    /// Number of found ids, except those ignored throughout.
     pub found_ids: usize,
     /// HOTA, the mean over its thresholds.
     pub hota: Hota,
-    /// MOTA and what it is made of.
+    /// MOTA and its components.
     pub clear: Clear,
-    /// IDF1 and what it is made of.
+    /// IDF1 and its components.
     pub identity: Identity,
-    /// Boxes per frame that no thing is under.
+    /// Boxes per frame without an object.
     pub ghosts_per_frame: f64,
     /// Errors of the matched boxes that have a motion.
     pub motion: MotionErrors,
 }
 
-/// Compares tracks with the truth. Frames are in the order of time.
+/// Compares tracks with the truth. Frames are in order of time.
 #[must_use]
 pub fn track_score(frames: &[TrackFrame], options: &TrackOptions) -> TrackScore {
     let kept: Vec<TrackFrame> = frames.iter().map(ignored::without_ignored).collect();
@@ -125,7 +125,7 @@ fn iou(a: &[f64; 4], b: &[f64; 4]) -> f64 {
     if union > 0.0 { common / union } else { 0.0 }
 }
 
-/// The boxes of a frame by dense numbers, and how alike they are.
+/// The boxes of a frame by dense indices, and their overlaps.
 struct Row {
     truth: Vec<usize>,
     found: Vec<usize>,
@@ -133,12 +133,11 @@ struct Row {
     alike: Vec<Vec<f64>>,
 }
 
-/// What all figures are made of.
 struct Table {
     rows: Vec<Row>,
     truth_ids: usize,
     found_ids: usize,
-    /// In how many frames each is.
+    /// Number of frames of each.
     truth_count: Vec<f64>,
     found_count: Vec<f64>,
 }
@@ -168,7 +167,7 @@ impl Table {
     }
 }
 
-/// Dense numbers for ids, from 0, and how often each was asked for.
+/// Dense indices of ids, from 0, and the count of each.
 #[derive(Default)]
 struct Numbers {
     known: BTreeMap<u32, usize>,
@@ -187,7 +186,7 @@ impl Numbers {
     }
 }
 
-/// A share, 0 of nothing.
+/// A fraction; 0 if the whole is 0.
 fn share(part: f64, whole: f64) -> f64 {
     part / whole.max(1.0)
 }

@@ -1,18 +1,18 @@
-//! Errors of position and velocity, and what tracks say of speed by themselves.
+//! Errors of position and velocity, and summaries of tracks without truth.
 
 use super::{TrackFrame, share};
 use crate::Statistics;
 use std::collections::BTreeMap;
 use stillpoint_geometry::Se3;
 
-/// Errors of right boxes for which both motions are known; `None` where there are none.
+/// Errors of right boxes for which both motions are known; `None` if there are none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotionErrors {
     /// Difference of the speeds, m/s.
     pub speed: Option<Statistics>,
-    /// Length of the difference of the velocities, m/s; needs the way from one world to the other.
+    /// Length of the difference of the velocities, m/s; requires the transform between both worlds.
     pub velocity: Option<Statistics>,
-    /// Distance of the positions, m; needs the same.
+    /// Distance of the positions, m; requires the same.
     pub position: Option<Statistics>,
 }
 
@@ -42,39 +42,39 @@ pub(super) fn errors(
     }
 }
 
-/// A track in a frame, as it is known without any truth.
+/// A track in a frame, without truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackState {
     /// Time, s.
     pub stamp: f64,
-    /// Number of the track.
+    /// Id of the track.
     pub id: u32,
-    /// Speed, m/s, if that is known.
+    /// Speed, m/s, if known.
     pub speed: Option<f64>,
-    /// Whether it is taken to stand still.
+    /// Whether it is assumed at rest.
     pub parked: bool,
 }
 
-/// What tracks say of themselves.
+/// Summary of tracks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrackSummary {
-    /// Tracks.
+    /// Number of tracks.
     pub ids: usize,
     /// Tracks summed over the frames.
     pub track_frames: usize,
     /// Speeds, m/s.
     pub speed: Option<Statistics>,
-    /// Share of the speeds above the limit, 0 to 1.
+    /// Fraction of the speeds above the limit, 0 to 1.
     pub too_fast: f64,
-    /// Share of the track-frames that are parked, 0 to 1.
+    /// Fraction of the track-frames that are parked, 0 to 1.
     pub parked: f64,
-    /// Tracks that were parked at some time.
+    /// Number of tracks that were ever parked.
     pub ever_parked: usize,
-    /// Seconds for which a track was there from its first frame to the first in which it is parked: those out of sight do not count.
+    /// Visible time of a track from its first frame to the first in which it is parked, s.
     pub seconds_to_park: Option<Statistics>,
 }
 
-/// Sums tracks up; `limit` is the speed (m/s) above which it is too fast. The rows are in the order of time.
+/// Summarises tracks; `limit` is the speed (m/s) above which it is too fast. The rows are in order of time.
 #[must_use]
 pub fn track_summary(rows: &[TrackState], limit: f64) -> TrackSummary {
     let speed: Vec<f64> = rows.iter().filter_map(|r| r.speed).collect();
@@ -82,7 +82,7 @@ pub fn track_summary(rows: &[TrackState], limit: f64) -> TrackSummary {
     let mut before = f64::NAN;
     for frame in rows.chunk_by(|a, b| a.stamp == b.stamp) {
         for r in frame {
-            // The last frame that it was in, and for how long it has been there.
+            // The last frame that contained it, and its visible time.
             let (last, seconds) = here.entry(r.id).or_insert((r.stamp, 0.0));
             if *last == before {
                 *seconds += r.stamp - before;
@@ -146,7 +146,7 @@ mod tests {
         for i in 0..40 {
             let stamp = f64::from(i) * 0.25;
             rows.push(row(stamp, 1, false));
-            // There for a second, away for five, back for half a second when it is parked.
+            // Visible for a second, away for five, back for half a second when it is parked.
             if !(4..24).contains(&i) {
                 rows.push(row(stamp, 2, i >= 26));
             }

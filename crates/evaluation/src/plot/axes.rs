@@ -12,15 +12,12 @@ const TICK: f64 = 4.0;
 /// A rectangle of the figure that shows a range of data.
 #[derive(Clone, Debug)]
 pub(super) struct Axes {
-    /// Left, top, width, height, px.
     pub(super) area: [f64; 4],
-    /// Data range across.
     pub(super) x: [f64; 2],
-    /// Data range upwards.
     pub(super) y: [f64; 2],
 }
 
-/// The range of values, a share wider on both sides; something around a single value, and 0 to 1 for none.
+/// The range of values, extended by a fraction on both sides; an interval around a single value, and 0 to 1 for none.
 pub(super) fn range(values: impl Iterator<Item = f64>, margin: f64) -> [f64; 2] {
     let (lo, hi) = values
         .filter(|v| v.is_finite())
@@ -48,7 +45,7 @@ pub(super) fn ticks([lo, hi]: [f64; 2], count: f64) -> (Vec<f64>, usize) {
         .into_iter()
         .find(wanted);
     let step = step.unwrap_or(10.0 * power);
-    // A short range may lie between two multiples of its step: then the next finer one that has a multiple in it.
+    // A short range may lie between two multiples of its step: then the next finer step with a multiple in the range is used.
     let multiples = |step: f64| {
         let first = (lo / step - 1e-9).ceil();
         (first, (hi / step + 1e-9).floor() - first)
@@ -69,7 +66,7 @@ pub(super) fn ticks([lo, hi]: [f64; 2], count: f64) -> (Vec<f64>, usize) {
 }
 
 impl Axes {
-    /// The same scale on both axes: the range that has room is widened.
+    /// Equal scale on both axes: widens the range that has room.
     pub(super) fn with_equal_scale(mut self) -> Self {
         let [_, _, w, h] = self.area;
         let scale = ((self.x[1] - self.x[0]) / w).max((self.y[1] - self.y[0]) / h);
@@ -81,7 +78,6 @@ impl Axes {
         self
     }
 
-    /// Pixel of a point.
     pub(super) fn at(&self, x: f64, y: f64) -> [f64; 2] {
         let [left, top, w, h] = self.area;
         [
@@ -90,8 +86,7 @@ impl Axes {
         ]
     }
 
-    /// Grid, ticks with their labels, frame and labels of the axes; an empty `x_label` leaves that one out (a panel above another
-    /// one that has it).
+    /// Draws grid, ticks with their labels, frame and axis labels; an empty `x_label` is omitted (a panel above another one that has it).
     pub(super) fn draw(&self, figure: &mut Figure, x_label: &str, y_label: &str) {
         let [left, top, w, h] = self.area;
         let (bottom, right) = (top + h, left + w);

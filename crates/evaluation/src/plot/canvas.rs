@@ -2,7 +2,7 @@
 
 use super::colour::{Colour, ESTIMATE, FRAME};
 
-/// Where a text stands relative to its point.
+/// Position of a text relative to its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Anchor {
     Start,
@@ -10,7 +10,6 @@ pub(super) enum Anchor {
     End,
 }
 
-/// One thing to draw.
 #[derive(Clone, Debug)]
 pub(super) enum Shape {
     /// Open line through points, round joins.
@@ -22,13 +21,12 @@ pub(super) enum Shape {
     },
     /// Filled rectangle: left, top, width, height.
     Rect { at: [f64; 4], fill: Colour },
-    /// Filled circle.
     Circle {
         centre: [f64; 2],
         radius: f64,
         fill: Colour,
     },
-    /// Text on its baseline; `upwards` turns it by 90 degrees to the left about its point.
+    /// Text on its baseline; `upwards` rotates it by 90 degrees to the left about its point.
     Text {
         at: [f64; 2],
         text: String,
@@ -47,7 +45,7 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// A figure on white ground, with nothing but the product's mark and name in its corner.
+    /// A figure on white ground, with only the product's mark and name in its corner.
     pub(super) fn new(width: f64, height: f64) -> Self {
         let mut figure = Self {
             width,
@@ -64,9 +62,9 @@ impl Figure {
         figure
     }
 
-    /// The mark: three arcs that go round, and the point in their middle that stands still.
+    /// The logo: three arcs around a fixed point.
     fn mark(&mut self, [x, y]: [f64; 2]) {
-        /// Points of an arc, and its share of a third of the circle, both chosen by eye.
+        /// Points of an arc, and its fraction of a third of the circle, both chosen by eye.
         const POINTS: usize = 12;
         const SHARE: f64 = 0.65;
         let third = std::f64::consts::TAU / 3.0;
@@ -95,7 +93,7 @@ impl Figure {
     /// The figure as a PNG file, at two image pixels per figure pixel.
     ///
     /// # Errors
-    /// [`super::PlotError`] when the image cannot be made or encoded.
+    /// [`super::PlotError`] if the image cannot be made or encoded.
     pub fn to_png(&self) -> Result<Vec<u8>, super::PlotError> {
         super::png::write(self)
     }

@@ -1,21 +1,21 @@
-//! Colours: those of plots, of which pages and pictures have the same.
+//! Colours of plots, shared by pages and pictures.
 
 /// 8-bit RGB.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Colour(pub u8, pub u8, pub u8);
 
-/// What is written.
+/// Text.
 pub const INK: Colour = Colour(26, 29, 33);
 pub(super) const FRAME: Colour = Colour(120, 120, 120);
 pub(super) const GRID: Colour = Colour(228, 228, 228);
-/// What is known to be true: wide, under what was estimated, as in the report.
+/// Ground truth: wide, under the estimate, as in the report.
 pub const REFERENCE: Colour = Colour(134, 140, 150);
 pub(super) const WHITE: Colour = Colour(255, 255, 255);
 
-/// What was estimated.
+/// Estimate.
 pub const ESTIMATE: Colour = SERIES[0];
 
-/// Colours of series that stay apart for most colour-blind eyes (Okabe and Ito, 2008).
+/// Colours of series that most colour-blind people can distinguish (Okabe and Ito, 2008).
 pub(super) const SERIES: [Colour; 6] = [
     Colour(0, 114, 178),
     Colour(213, 94, 0),
@@ -25,8 +25,7 @@ pub(super) const SERIES: [Colour; 6] = [
     Colour(86, 180, 233),
 ];
 
-/// Supporting points of the colour map viridis (CC0), dark to light; the lightest end is left out, since it is lost on
-/// white.
+/// Supporting points of the colour map viridis (CC0), dark to light; without the lightest end, which is invisible on white.
 const MAP: [[f64; 3]; 8] = [
     [68.0, 1.0, 84.0],
     [70.0, 50.0, 127.0],
@@ -38,7 +37,7 @@ const MAP: [[f64; 3]; 8] = [
     [226.0, 221.0, 30.0],
 ];
 
-/// The colour of a share from 0 to 1.
+/// The colour of a value from 0 to 1.
 pub(super) fn map(share: f64) -> Colour {
     let at = share.clamp(0.0, 1.0) * (MAP.len() - 1) as f64;
     let low = (at as usize).min(MAP.len() - 2);

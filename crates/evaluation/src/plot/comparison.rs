@@ -13,21 +13,21 @@ use crate::Rpe;
 use crate::ate::{Ate, PairError};
 use stillpoint_geometry::Vec3;
 
-/// One of the estimates that are compared.
+/// One of the compared estimates.
 #[derive(Clone, Copy, Debug)]
 pub struct Compared<'a> {
-    /// What the legend calls it.
+    /// Name in the legend.
     pub name: &'a str,
-    /// Its error, aligned for itself.
+    /// Its error, aligned separately.
     pub ate: &'a Ate,
-    /// Its relative error, where there is one.
+    /// Its relative error, if any.
     pub rpe: Option<&'a Rpe>,
 }
 
 /// Top view, x, y and z over time, the error over time, and the relative errors of several estimates against the same ground truth.
 ///
-/// The top view shows the two axes along which the ground truth extends most, at the same scale; so have x, y and z one scale, and all estimates
-/// the same. The ground truth is wide, and seen under what lies on it. Lines break at gaps.
+/// The top view shows the two axes along which the ground truth extends most, at equal scale; x, y and z share one scale, as do all
+/// estimates. The ground truth is a wide line, visible under estimates. Lines break at gaps.
 #[must_use]
 pub fn comparison_figure(title: &str, estimates: &[Compared<'_>]) -> Figure {
     let relative: Vec<Relative<'_>> = coloured(estimates)
@@ -62,7 +62,7 @@ fn all_pairs<'a>(estimates: &'a [Compared<'a>]) -> impl Iterator<Item = &'a Pair
     estimates.iter().flat_map(|e| &e.ate.pairs)
 }
 
-/// The ground truth of the estimate that has the most of it.
+/// The longest ground truth among the estimates.
 fn truth<'a>(estimates: &'a [Compared<'a>]) -> &'a [PairError] {
     let longest = estimates.iter().max_by_key(|e| e.ate.pairs.len());
     longest.map_or(&[], |e| &e.ate.pairs)

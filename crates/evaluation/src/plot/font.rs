@@ -1,8 +1,8 @@
-//! The typeface of plots, pictures and pages: what is written is the same on every machine, and needs no fonts of the system.
+//! The typeface of plots, pictures and pages: text looks the same on every machine, and needs no system fonts.
 
 use ab_glyph::{Font, FontRef, OutlineCurve, Point};
 
-/// Roboto Medium, cut down to what is written: see `font/README.md`.
+/// Roboto Medium, reduced to the used characters: see `font/README.md`.
 pub const TYPEFACE: &[u8] = include_bytes!("../../font/Roboto-Medium.ttf");
 
 /// A part of a letter's outline, in px relative to the start of the text's baseline, y down.
@@ -14,14 +14,13 @@ pub(super) enum Step {
     Cubic([f64; 2], [f64; 2], [f64; 2]),
 }
 
-/// The font, and px per unit of it. A test holds that it can be read.
+/// The font, and px per unit of it. A test ensures that it can be read.
 fn font(size: f64) -> Option<(FontRef<'static>, f64)> {
     let font = FontRef::try_from_slice(TYPEFACE).ok()?;
     let unit = size / f64::from(font.units_per_em()?);
     Some((font, unit))
 }
 
-/// Width of a text, px.
 pub(super) fn width(text: &str, size: f64) -> f64 {
     let Some((font, unit)) = font(size) else {
         return 0.0;
@@ -46,7 +45,7 @@ pub(super) fn outlines(text: &str, size: f64, step: &mut impl FnMut(Step)) {
                 | OutlineCurve::Quad(a, _, b)
                 | OutlineCurve::Cubic(a, _, _, b) => (a, b),
             };
-            // A contour begins where the one before did not end.
+            // A contour begins where the previous one did not end.
             if at != Some(from) {
                 step(Step::Move(place(from)));
             }

@@ -1,10 +1,9 @@
-//! What colours and lines stand for.
+//! Legends of colours and lines.
 
 use super::axes::{LABEL, SMALL, ticks};
 use super::canvas::{Anchor, Figure};
 use super::colour::{Colour, FRAME, INK, WHITE, map};
 
-/// How a legend shows an entry.
 #[derive(Clone, Copy)]
 pub(super) enum Mark {
     Line(Colour),
@@ -32,7 +31,6 @@ pub(super) fn legend(figure: &mut Figure, [x, y]: [f64; 2], entries: &[(Mark, &s
     }
 }
 
-/// An open circle.
 pub(super) fn ring(figure: &mut Figure, centre: [f64; 2]) {
     figure.circle(centre, 5.5, INK);
     figure.circle(centre, 3.5, WHITE);

@@ -1,7 +1,7 @@
-//! Pictures of trajectories, errors and times, as SVG and PNG.
+//! Plots of trajectories, errors and times, as SVG and PNG.
 //!
-//! Answers: what an evaluation looks like. Each figure is a list of shapes that two small writers draw; text is in
-//! the project's own typeface, which SVG carries with it, so that no system fonts are needed.
+//! Each figure is a list of shapes that two small writers draw; text uses the project's own typeface, which is embedded in SVG, so no
+//! system fonts are needed.
 
 mod axes;
 mod canvas;

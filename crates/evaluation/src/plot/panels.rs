@@ -1,4 +1,4 @@
-//! What figures of trajectories have in common: three coordinates at one scale, and errors over time.
+//! Shared panels of trajectory figures: three coordinates at one scale, and errors over time.
 
 use super::axes::{Axes, range};
 use super::canvas::Figure;
@@ -13,19 +13,20 @@ pub(super) const NAMES: [&str; 3] = ["x", "y", "z"];
 /// Width of the truth's line, px, and of an estimate's, chosen: the truth shows by 1.7 px on both sides of an estimate that lies on it.
 pub(super) const TRUTH_WIDTH: f64 = 5.0;
 pub(super) const WIDTH: f64 = 1.6;
-/// Height of a figure with a panel of errors, and how much each panel of relative errors adds, px, chosen: ticks of a panel keep two lines of text between them.
+/// Height of a figure with a panel of errors, and the added height per panel of relative errors, px, chosen: ticks of a panel keep two
+/// lines of text between them.
 pub(super) const HEIGHT: f64 = 855.0;
 const RELATIVE: f64 = 195.0;
 
-/// Points of a line, each with its time, s; without a gap between them.
+/// Points of a line without a gap, each with its time, s.
 type Timed = Vec<[f64; 2]>;
 
-/// Millimetres, or metres when errors are that large: unit and factor.
+/// Millimetres, or metres for errors that large: unit and factor.
 pub(super) fn error_unit(max: f64) -> (&'static str, f64) {
     if max < 2.0 { ("mm", 1e3) } else { ("m", 1.0) }
 }
 
-/// Parts of a series without a gap in time: within them, lines are drawn.
+/// Parts of a series without a gap in time, drawn as lines.
 pub(super) fn runs<T>(all: &[T], stamp: fn(&T) -> f64) -> Vec<&[T]> {
     let mut steps: Vec<f64> = all
         .windows(2)
@@ -36,12 +37,11 @@ pub(super) fn runs<T>(all: &[T], stamp: fn(&T) -> f64) -> Vec<&[T]> {
     all.chunk_by(|a, b| stamp(b) - stamp(a) <= gap).collect()
 }
 
-/// Stamp of a pair.
 pub(super) fn stamp(pair: &PairError) -> f64 {
     pair.stamp
 }
 
-/// Axes of x, y and z over the time `x`, under each other and at the same scale; only the last has a label of time.
+/// Axes of x, y and z over the time `x`, under each other and at equal scale; only the last has a time label.
 pub(super) fn positions_axes(
     figure: &mut Figure,
     x: [f64; 2],
@@ -75,7 +75,7 @@ pub(super) fn position(
     }
 }
 
-/// Draws the way of the truth seen from above, by the place of a point in the figure.
+/// Draws the true path from above; `place` maps a point to the figure.
 pub(super) fn truth_from_above(
     figure: &mut Figure,
     pairs: &[PairError],
@@ -87,7 +87,7 @@ pub(super) fn truth_from_above(
     }
 }
 
-/// One estimate's values over time, with its root of the mean square.
+/// One estimate's values over time, with its root mean square.
 pub(super) struct Series<'a> {
     pub(super) name: &'a str,
     pub(super) colour: Colour,
@@ -95,7 +95,7 @@ pub(super) struct Series<'a> {
     pub(super) rmse: f64,
 }
 
-/// A panel over the whole width: values over time from 0 on, and what they are.
+/// A full-width panel: values over time from 0 on, with their label.
 pub(super) fn over_time(
     figure: &mut Figure,
     (top, height): (f64, f64),
@@ -117,7 +117,7 @@ pub(super) fn over_time(
         }
     }
     let mut marks: Vec<(Mark, &str)> = all.iter().map(|s| (Mark::Line(s.colour), s.name)).collect();
-    // Of several estimates each has its own in the title.
+    // With several estimates each has its own RMSE in the title.
     if let [one] = all {
         let ends = [x[0], x[1]].map(|t| axes.at(t, one.rmse));
         figure.dashed(ends.to_vec(), SERIES[1], 1.6);
@@ -126,10 +126,10 @@ pub(super) fn over_time(
     legend(figure, [1170.0, top], &marks);
 }
 
-/// An estimate whose relative errors are drawn: its name, colour and errors.
+/// Name, colour and relative errors of an estimate.
 pub(super) type Relative<'a> = (&'a str, Colour, &'a Rpe);
 
-/// How high a figure is whose estimates have these relative errors.
+/// Height of a figure with these relative errors.
 pub(super) fn height(relative: &[Relative<'_>]) -> f64 {
     HEIGHT
         + if relative.is_empty() {

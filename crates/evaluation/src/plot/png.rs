@@ -8,10 +8,10 @@ use tiny_skia::{
     Transform,
 };
 
-/// A picture could not be made.
+/// Error: a picture could not be made.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlotError {
-    /// The size of the figure makes no image.
+    /// The size of the figure is not a valid image size.
     #[error("expected a figure of 1 to 16000 px, found {0}")]
     Size(String),
     /// The encoder failed.
@@ -54,7 +54,7 @@ fn stroke(width: f64) -> Stroke {
     }
 }
 
-/// Draws one shape; what has no extent or is not finite is left out.
+/// Draws one shape; empty or non-finite ones are skipped.
 fn draw(image: &mut Pixmap, shape: &Shape) {
     let scale = Transform::from_scale(SCALE as f32, SCALE as f32);
     match shape {

@@ -1,4 +1,4 @@
-//! Times per frame.
+//! Plot of times per frame.
 
 use super::axes::Axes;
 use super::canvas::{Anchor, Figure};
@@ -10,14 +10,14 @@ use crate::timing::Stats;
 /// A name and one value per frame, ms.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series<'a> {
-    /// What was timed.
+    /// Name of the measured stage.
     pub name: &'a str,
-    /// Milliseconds, one per frame; `NAN` where there is none.
+    /// Milliseconds, one per frame; `NAN` for none.
     pub milliseconds: &'a [f64],
 }
 
-/// Times per frame: one line per series, its median and 99th percentile in the legend, and the time of a frame at 30 Hz
-/// where that is within sight.
+/// Times per frame: one line per series, its median and 99th percentile in the legend, and the time of a frame at 30 Hz if within the
+/// range.
 #[must_use]
 pub fn timing_figure(title: &str, series: &[Series<'_>]) -> Figure {
     const FRAME_MS: f64 = 1000.0 / 30.0;

@@ -15,8 +15,7 @@ use stillpoint_geometry::{Alignment, Se3, Vec3};
 /// Size of a title, px.
 pub(super) const TITLE: f64 = 18.0;
 
-/// The two axes along which the ground truth extends most (the estimate, when the ground truth stands still), in their
-/// order.
+/// The two axes along which the ground truth (if at rest, the estimate) extends most, in their order.
 pub(super) fn widest_axes(pairs: &[PairError]) -> (usize, usize) {
     let extents = |f: fn(&PairError) -> Vec3| {
         [0, 1, 2].map(|axis| {
@@ -40,17 +39,16 @@ pub(super) fn widest_axes(pairs: &[PairError]) -> (usize, usize) {
     }
 }
 
-/// Top view coloured by error, x, y and z over time, the error over time, and the relative errors where there are any.
+/// Top view coloured by error, x, y and z over time, the error over time, and the relative errors, if any.
 ///
-/// The top view shows the two axes along which the ground truth extends most, at the same scale; so have x, y and z one scale. The ground truth
-/// is wide, and seen under what lies on it. Lines break at gaps.
+/// The top view shows the two axes along which the ground truth extends most, at equal scale; x, y and z share one scale. The ground truth
+/// is a wide line, visible under the estimate. Lines break at gaps.
 #[must_use]
 pub fn trajectory_figure(title: &str, ate: &Ate, rpe: Option<&Rpe>) -> Figure {
     draw(title, (ate, rpe), "ATE RMSE")
 }
 
-/// The same for an estimate of a camera that stands still: nothing is aligned, and the error is the distance from the
-/// first pose.
+/// Likewise for an estimate of a camera at rest: nothing is aligned, and the error is the distance from the first pose.
 #[must_use]
 pub fn drift_figure(title: &str, estimate: &[TimedPose]) -> Figure {
     let first = estimate.first().copied();
@@ -78,7 +76,7 @@ pub fn poses_figure(title: &str, estimate: &[TimedPose]) -> Figure {
     figure
 }
 
-/// Pairs of an estimate with a pose that stands for its ground truth, as they are.
+/// Pairs of an estimate with a pose as its ground truth, without alignment.
 fn unaligned<'a>(estimate: &'a [TimedPose], truth: impl Fn(&'a TimedPose) -> &'a TimedPose) -> Ate {
     let at = |p: &TimedPose| p.world_from_camera.translation;
     let pairs: Vec<PairError> = estimate
@@ -130,8 +128,7 @@ fn draw(title: &str, (ate, rpe): (&Ate, Option<&Rpe>), measure: &str) -> Figure 
     figure
 }
 
-/// What the colours of a top view show: whether there is ground truth, the value of a pose, the value at the end of the
-/// scale, and its label.
+/// Colours of a top view: whether there is ground truth, the value of a pose, the value at the end of the scale, and its label.
 type Shade<'a> = (bool, &'a dyn Fn(&PairError) -> f64, f64, &'a str);
 
 fn top_view(figure: &mut Figure, ate: &Ate, (with_truth, value, full, label): Shade<'_>) {

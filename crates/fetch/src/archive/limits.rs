@@ -1,19 +1,18 @@
-//! What an archive may hold: an archive of some kilobytes can unpack to anything.
+//! Limits on archives: one of some kilobytes can unpack to any size.
 
-/// Bytes of an archive whose size is not known beforehand: the largest known sequence has some 6 GB.
+/// Maximum bytes of an archive of unknown size: the largest known sequence has some 6 GB.
 pub(crate) const LARGEST: u64 = 1 << 35;
-/// Files and folders: an hour of colour and depth at 30 Hz.
+/// Maximum number of files and folders: an hour of colour and depth at 30 Hz.
 pub(crate) const MOST_ENTRIES: u64 = 250_000;
-/// Bytes that may be unpacked whatever they were packed in: lists and tables of measurements.
+/// Bytes that may always be unpacked: lists and tables of measurements.
 const FREE_BYTES: u64 = 1 << 28;
-/// Bytes for each packed one beside: PNG and JPEG are packed already, tables unpack to five.
+/// Additional bytes per packed byte: PNG and JPEG are packed already, tables unpack to five.
 const BYTES_PER_PACKED: u64 = 10;
-/// Bytes of a tar between two files: headers, long names, and the blanks at the end.
+/// Maximum bytes of a tar between two files: headers, long names, and the blanks at the end.
 pub(crate) const BETWEEN_FILES: u64 = 1 << 20;
-/// Bytes of a path within the archive; those of data sets have some 60.
+/// Maximum bytes of a path within the archive; those of data sets have some 60.
 const LONGEST_PATH: usize = 512;
 
-/// What may still be unpacked.
 #[derive(Debug)]
 pub(crate) struct Budget {
     bytes: u64,
@@ -21,7 +20,7 @@ pub(crate) struct Budget {
 }
 
 impl Budget {
-    /// For an archive of so many bytes.
+    /// For an archive of this many bytes.
     pub(crate) fn of(packed: u64) -> Self {
         Self {
             bytes: FREE_BYTES.saturating_add(packed.saturating_mul(BYTES_PER_PACKED)),
@@ -29,7 +28,7 @@ impl Budget {
         }
     }
 
-    /// Takes a file or folder off, or says what is too much.
+    /// Subtracts a file or folder; an error names the exceeded limit.
     pub(crate) fn take(&mut self, bytes: u64) -> Result<(), String> {
         let Some(entries) = self.entries.checked_sub(1) else {
             return Err(format!("more than {MOST_ENTRIES} files and folders"));
@@ -44,7 +43,7 @@ impl Budget {
     }
 }
 
-/// The folders and the name that a path in an archive has, in the forms that all systems take for nothing else.
+/// The folders and the name of a path in an archive, in a form that all systems interpret alike.
 pub(crate) fn parts(path: &str) -> Result<Vec<&str>, String> {
     let refused = |why: &str| Err(format!("a path {why} ({:.80})", path.escape_debug()));
     if path.len() > LONGEST_PATH {

@@ -1,6 +1,7 @@
-//! A published archive as a folder: downloaded, compared with its checksum, unpacked aside, and then moved into its place at once.
+//! Installs a published archive as a folder: downloads it, compares its checksum, unpacks it to a temporary folder, and renames that
+//! atomically.
 //!
-//! What came stays until the folder is in its place, so that neither a broken line nor a full disk loses it.
+//! The download is kept until the folder is in its place, so neither a lost connection nor a full disk loses it.
 
 mod error;
 mod limits;
@@ -20,7 +21,7 @@ use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use unpack::{Fault, Unpack};
 
-/// How files are packed.
+/// Archive format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {
     /// tar in gzip (`.tgz`).
@@ -29,50 +30,50 @@ pub enum Packing {
     Zip,
 }
 
-/// A published archive, and the folder that it becomes.
+/// A published archive, and the resulting folder.
 #[derive(Clone, Copy, Debug)]
 pub struct Archive<'a> {
-    /// The address that is asked for.
+    /// Address.
     pub address: &'a str,
     /// Name of the published file.
     pub file: &'a str,
-    /// Name of the folder that it becomes.
+    /// Name of the resulting folder.
     pub folder: &'a str,
-    /// A file in that folder: what tells that it is the right one.
+    /// A file in that folder, which identifies the right one.
     pub holds: &'a str,
-    /// How it is packed.
+    /// Archive format.
     pub packing: Packing,
-    /// SHA-256 of the published file, 64 lower-case hexadecimal digits, where it is known.
+    /// SHA-256 of the published file, 64 lower-case hexadecimal digits, if known.
     pub sha256: Option<&'a str>,
-    /// How long servers are waited for.
+    /// Time limits for servers.
     pub waits: Waits,
 }
 
-/// A folder that is here now.
+/// An installed folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Pulled {
     /// The folder.
     pub folder: PathBuf,
-    /// SHA-256 of the published file, and what is known about it; nothing where the folder was here and no checksum beside it.
+    /// SHA-256 of the published file, and its origin; `None` if the folder was present without a checksum.
     pub sha256: Option<(String, Checksum)>,
     /// The file beside the folder with that checksum, in the format of `sha256sum`.
     pub record: PathBuf,
-    /// Bytes that came over the network; 0 if the folder, or the whole archive, was here.
+    /// Bytes that were transferred; 0 if the folder or the complete archive was present.
     pub transferred: u64,
-    /// Bytes of the archive that were here from a download that broke off.
+    /// Bytes of the archive present from an interrupted download.
     pub resumed: u64,
 }
 
-/// Room that there must be for an archive, in sizes of it: itself, and its images, which are packed as they are.
+/// Required free space for an archive, in multiples of its size: itself, and its images, which do not compress.
 const ROOM: u64 = 2;
-/// Where else it can go, as part of messages.
+/// Alternative folder, as part of messages.
 const ELSEWHERE: &str = "name a folder on another disk";
 
-/// Puts an archive's folder into `dir`, unless it is there. `dir` is made where it is missing.
+/// Installs an archive's folder in `dir`, unless it is present. `dir` is created if missing.
 ///
 /// # Errors
-/// See [`ArchiveError`]. After each of them there is either no folder of the name or the one that was there before.
+/// See [`ArchiveError`]. After any of them there is either no folder of the name or the unchanged previous one.
 pub fn pull(
     archive: &Archive<'_>,
     dir: &Path,
@@ -86,14 +87,13 @@ pub fn pull(
     std::fs::create_dir_all(dir).map_err(|e| pull.unwritable(dir, e))?;
     let lock = dir.join(format!(".{}.lock", archive.file));
     let _lock = Lock::take(&lock, archive.file, ELSEWHERE)?;
-    // The one that had the lock before may have brought it.
+    // The previous owner of the lock may have installed it.
     match pull.already_here()? {
         Some(here) => Ok(here),
         None => pull.run(watch),
     }
 }
 
-/// One archive on its way.
 struct Pull<'a> {
     archive: &'a Archive<'a>,
     dir: &'a Path,
@@ -159,7 +159,7 @@ impl Pull<'_> {
         let aside = self.dir.join(format!(".unpacking-{}", self.archive.folder));
         let unpacked = self.unpack(&part, &aside, &fetched, watch);
         let placed = unpacked.and_then(|root| self.place(&root, &fetched));
-        // What is left of it is of no use: what came is still packed. That it cannot be removed is no reason to fail.
+        // The remains are useless: the archive is still there. Failure to remove them is no error.
         let _ = std::fs::remove_dir_all(&aside);
         placed?;
         part.discard()?;
@@ -221,7 +221,7 @@ impl Pull<'_> {
         })
     }
 
-    /// Unpacks into a folder aside; the folder in it that is the archive's.
+    /// Unpacks into a temporary folder; returns the archive's folder in it.
     fn unpack(
         &self,
         part: &Part,
@@ -229,7 +229,7 @@ impl Pull<'_> {
         fetched: &Fetched,
         watch: Watch<'_>,
     ) -> Result<PathBuf, ArchiveError> {
-        // Of a process that was killed.
+        // Left by a killed process.
         match std::fs::remove_dir_all(aside) {
             Err(e) if e.kind() != ErrorKind::NotFound => return Err(self.unwritable(aside, e)),
             _ => {}
@@ -275,7 +275,7 @@ impl Pull<'_> {
         }
     }
 
-    /// The folder with the file that it should hold: all that was unpacked, or a folder in that.
+    /// The folder with the required file: the temporary folder, or one in it.
     fn root(&self, aside: &Path) -> Result<PathBuf, Fault> {
         let holds = |folder: &PathBuf| folder.join(self.archive.holds).is_file();
         let below = std::fs::read_dir(aside).map_err(|e| Fault::Disk(aside.to_owned(), e))?;
@@ -290,7 +290,7 @@ impl Pull<'_> {
         })
     }
 
-    /// Moves the folder to its place, when all of it is on the disk and its checksum beside it.
+    /// Renames the folder, after it is synced to disk and its checksum is written beside it.
     fn place(&self, root: &Path, fetched: &Fetched) -> Result<(), ArchiveError> {
         settle(root).map_err(|e| self.unwritable(root, e))?;
         let (record, folder) = (self.record(), self.folder());
@@ -308,7 +308,7 @@ impl Pull<'_> {
     }
 }
 
-/// Whether a file looks like a web page, as part of a message.
+/// A hint for messages if a file looks like a web page.
 fn hint(path: &Path) -> &'static str {
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(64).read_to_end(&mut start));

@@ -1,6 +1,6 @@
-//! The files of an archive into a folder that holds nothing else: regular files and folders with plain names, within limits.
+//! Unpacks an archive into an empty folder: regular files and folders with plain names, within limits.
 //!
-//! Links, devices and names that lead elsewhere are refused. Times, owners and permissions are not taken over.
+//! Links, devices and names that lead elsewhere are refused. Times, owners and permissions are not restored.
 
 use super::limits::{BETWEEN_FILES, Budget, parts};
 use crate::disk::Disk;
@@ -14,21 +14,19 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use zip::CompressionMethod;
 
-/// Why it was not unpacked.
 #[derive(Debug)]
 pub(crate) enum Fault {
-    /// What the archive is or holds, as part of a message.
+    /// Problem of the archive, as part of a message.
     Archive(String),
     /// A file that could not be read or written.
     Disk(PathBuf, Error),
-    /// The caller asked to stop.
+    /// The caller stopped it.
     Stopped,
 }
 
-/// Called with the bytes of the archive that are done; it may break off.
+/// Called with the number of processed bytes of the archive; it may stop the unpacking.
 type Tell<'a> = &'a mut dyn FnMut(u64) -> ControlFlow<()>;
 
-/// An archive on its way into a folder.
 pub(crate) struct Unpack<'a> {
     into: &'a Path,
     packed: u64,
@@ -38,7 +36,7 @@ pub(crate) struct Unpack<'a> {
 }
 
 impl<'a> Unpack<'a> {
-    /// `packed` are the bytes of the archive.
+    /// `packed`: bytes of the archive.
     pub(crate) fn new(into: &'a Path, packed: u64, disk: &'a dyn Disk, tell: Tell<'a>) -> Self {
         Self {
             into,
@@ -49,7 +47,6 @@ impl<'a> Unpack<'a> {
         }
     }
 
-    /// tar in gzip.
     pub(crate) fn tar_gz(&mut self, file: File) -> Result<(), Fault> {
         let (done, allowed) = (Rc::new(Cell::new(0)), Rc::new(Cell::new(BETWEEN_FILES)));
         let packed = Counted {
@@ -76,7 +73,7 @@ impl<'a> Unpack<'a> {
             } else if !kind.is_pax_global_extensions() {
                 return Err(not_plain(&name));
             }
-            // What follows is the next header, however long the names say that it is.
+            // The next header follows, whatever its claimed length.
             allowed.set(BETWEEN_FILES);
         }
         // The checksum of gzip comes last.
@@ -84,7 +81,6 @@ impl<'a> Unpack<'a> {
         Ok(())
     }
 
-    /// zip.
     pub(crate) fn zip(&mut self, file: File) -> Result<(), Fault> {
         let refused = |e: zip::result::ZipError| Fault::Archive(one_line(&e.to_string()));
         let mut archive = zip::ZipArchive::new(BufReader::new(file)).map_err(refused)?;
@@ -95,7 +91,7 @@ impl<'a> Unpack<'a> {
             let method = entry.compression();
             let (size, packed) = (entry.size(), entry.compressed_size());
             let is_folder = entry.is_dir();
-            // Where no kind is stated (0), as on Windows, it is a file.
+            // Without a stated kind (0), as on Windows, it is a file.
             let kind = entry.unix_mode().map_or(0, |mode| mode & 0o170_000);
             let is_plain = match is_folder {
                 true => [0, 0o040_000].contains(&kind),
@@ -127,7 +123,7 @@ impl<'a> Unpack<'a> {
         Ok(())
     }
 
-    /// Makes a folder of the archive, which may be there already: archives name folders before and after their files, or not at all.
+    /// Creates a folder of the archive, unless it exists: archives list folders before and after their files, or not at all.
     fn folder(&mut self, name: &str) -> Result<(), Fault> {
         self.budget.take(0).map_err(Fault::Archive)?;
         let path = self.path(&parts(name).map_err(Fault::Archive)?);
@@ -140,7 +136,7 @@ impl<'a> Unpack<'a> {
         path
     }
 
-    /// Writes a file of so many bytes. `done` says how much of the archive that is, from the bytes written.
+    /// Writes a file of this many bytes. `done` maps the written bytes to processed bytes of the archive.
     fn file(
         &mut self,
         name: &str,
@@ -186,7 +182,7 @@ impl<'a> Unpack<'a> {
     }
 }
 
-/// What came whole and cannot be read to its end.
+/// A complete archive that cannot be read to its end.
 fn damaged(error: Error) -> Fault {
     Fault::Archive(format!("damage: {}", one_line(&error.to_string())))
 }
@@ -195,7 +191,7 @@ fn not_plain(name: &str) -> Fault {
     Fault::Archive(format!("a link or device ({:.80})", name.escape_debug()))
 }
 
-/// Two entries of one name, or a file where a folder should be, are the archive's fault; all else is the disk's.
+/// Two entries of one name, or a file in place of a folder, are the archive's fault; all else is the disk's.
 fn clash(name: &str, path: PathBuf, error: Error) -> Fault {
     match error.kind() {
         ErrorKind::AlreadyExists | ErrorKind::NotADirectory | ErrorKind::IsADirectory => {
@@ -205,7 +201,6 @@ fn clash(name: &str, path: PathBuf, error: Error) -> Fault {
     }
 }
 
-/// Counts what is read.
 struct Counted<R> {
     inner: R,
     count: Rc<Cell<u64>>,
@@ -219,7 +214,7 @@ impl<R: Read> Read for Counted<R> {
     }
 }
 
-/// Yields so many bytes, and then an error. A reader of archives takes names as long as their headers say into memory.
+/// Yields this many bytes, and then an error. Archive readers load names of any claimed length into memory.
 struct Allowed<R> {
     inner: R,
     left: Rc<Cell<u64>>,

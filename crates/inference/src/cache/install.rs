@@ -1,4 +1,5 @@
-//! Putting a model into the cache: written aside, then moved into place, so that no half file ever has a model's name.
+//! Installs models into the cache: files are written under temporary names and renamed, so that a model's name never denotes a partial
+//! file.
 
 use super::Cache;
 use super::error::CacheError;
@@ -10,20 +11,19 @@ use std::io::ErrorKind;
 use std::path::Path;
 use stillpoint_files::{Aside, sha256_hex, sync_folder};
 
-/// Who holds it renames files. No model's name begins with a dot, so that this is not the lock of a download.
+/// Held while files are renamed. Model names never begin with a dot, so this is not the lock of a download.
 const LOCK: &str = ".install.lock";
 
 impl Cache {
-    /// Puts a model into the cache under this name; an older one of that name is replaced. `onnx` are the bytes of the network; `card` is the
-    /// text of its card (TOML), where the network is not recognised by itself; `record` says where it came from, and its `sha256`, `bytes` and
-    /// `installed` are filled in.
+    /// Installs a model under this name, replacing an older one. `onnx` is the network; `card` is the text of its card (TOML), needed for
+    /// networks that are not recognised; `record` is its origin, and its `sha256`, `bytes` and `installed` are filled in.
     ///
-    /// All files are first written aside and brought to the disk; what fails until then leaves an older model as it was. Only then the record
-    /// takes its name, then the card, then the network. What breaks off in between leaves a record without a network, or with the older network,
-    /// which then counts as damaged: never a network without its card, or with that of another.
+    /// All files are first written under temporary names and synced to disk; a failure until then leaves an older model unchanged. Then the
+    /// record is renamed, then the card, then the network. An interruption in between leaves a record without a network or with the older
+    /// network, which counts as damaged: a network is never without its card or with the card of another.
     ///
     /// # Errors
-    /// The name cannot be a model's, the network is larger than [`LARGEST`](super::LARGEST), or the cache cannot be written.
+    /// The name is invalid, the network is larger than [`LARGEST`](super::LARGEST), or the cache cannot be written.
     pub fn install(
         &self,
         name: &str,
@@ -34,7 +34,7 @@ impl Cache {
         self.install_in_steps(name, onnx, card, record, &mut || Ok(()))
     }
 
-    /// Writes a small file beside a model, [`Cache::file`], as a whole or not at all. The folder is there.
+    /// Writes a small file beside a model ([`Cache::file`]) atomically. The folder must exist.
     ///
     /// # Errors
     /// It cannot be written.
@@ -43,15 +43,15 @@ impl Cache {
         rename(aside(&path, text.as_bytes())?, &path)
     }
 
-    /// Removes a file beside a model, [`Cache::file`], if it is there.
+    /// Removes a file beside a model ([`Cache::file`]) if it exists.
     ///
     /// # Errors
-    /// It is there and cannot be removed.
+    /// It exists and cannot be removed.
     pub fn remove_file(&self, name: &str, suffix: &str) -> Result<(), CacheError> {
         remove(&self.file(name, suffix))
     }
 
-    /// [`Cache::install`], with something that may fail before each change of a file that has a model's name.
+    /// Like [`Cache::install`], calling a fallible hook before each change of a file with a model's name.
     fn install_in_steps(
         &self,
         name: &str,
@@ -80,14 +80,14 @@ impl Cache {
         let card = card.transpose()?;
         let text = aside(&record_path, text.as_bytes())?;
 
-        // Two installations of one name at once must not mix their files.
+        // Concurrent installations of one name must not mix their files.
         let _lock = lock(&folder.join(LOCK))?;
         for path in [&record_path, &card_path, &onnx_path] {
             refuse_folder(path)?;
         }
         before_step()?;
         rename(text, &record_path)?;
-        // The order is that on the disk, too.
+        // Makes the order hold on disk, too.
         sync_folder(&folder);
         before_step()?;
         match card {
@@ -105,7 +105,7 @@ impl Cache {
     }
 }
 
-/// A file that is to take this place, on the disk.
+/// Writes the temporary file for this path and syncs it to disk.
 fn aside(path: &Path, bytes: &[u8]) -> Result<Aside, CacheError> {
     Aside::with(path, bytes).map_err(|e| unwritable(path, e))
 }
@@ -121,7 +121,7 @@ fn unwritable(path: &Path, source: std::io::Error) -> CacheError {
     }
 }
 
-/// A folder cannot be replaced by a file, which must be known before the first renaming.
+/// A folder cannot be replaced by a file; this must be known before the first renaming.
 fn refuse_folder(path: &Path) -> Result<(), CacheError> {
     if path.symlink_metadata().is_ok_and(|m| m.is_dir()) {
         return Err(unwritable(path, ErrorKind::IsADirectory.into()));
@@ -129,7 +129,7 @@ fn refuse_folder(path: &Path) -> Result<(), CacheError> {
     Ok(())
 }
 
-/// Waits until no one else renames files. The system ends the lock with the process; the empty file stays.
+/// Waits for the lock on renaming. The system releases it with the process; the empty file stays.
 fn lock(path: &Path) -> Result<File, CacheError> {
     let locked = || {
         let file = OpenOptions::new()
@@ -142,7 +142,6 @@ fn lock(path: &Path) -> Result<File, CacheError> {
     locked().map_err(|e| unwritable(path, e))
 }
 
-/// Removes a file that may not be there.
 fn remove(path: &Path) -> Result<(), CacheError> {
     match std::fs::remove_file(path) {
         Ok(()) => Ok(()),
@@ -156,7 +155,6 @@ mod tests {
     use super::super::State;
     use super::*;
 
-    /// Breaks off before the step of this number.
     fn break_off(cache: &Cache, step: usize, onnx: &[u8], card: Option<&str>) {
         let mut left = step;
         let mut before_step = || match left.checked_sub(1) {
@@ -197,7 +195,7 @@ mod tests {
                     assert!(damaged && model.read().is_err(), "step {step}");
                 }
 
-                // The same call, when nothing breaks off.
+                // The same call without an interruption.
                 let repaired = cache
                     .install("net", b"new", card, Record::default())
                     .unwrap();
@@ -208,7 +206,7 @@ mod tests {
         }
     }
 
-    /// A model put there by hand has no record, and is no less safe.
+    /// Models placed there by hand have no record, and are equally protected.
     #[test]
     fn a_model_without_a_record_is_not_mixed_with_another() {
         for step in 1..3 {

@@ -1,4 +1,4 @@
-//! What lies in the cache: models, damaged ones and files of others included.
+//! Lists the cache: models, damaged ones and other files included.
 
 use super::error::CacheError;
 use super::name::check_name;
@@ -8,14 +8,14 @@ use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use stillpoint_files::{Digest, sha256_hex};
 
-/// Whether a model is what its record says.
+/// Whether a model matches its record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// Its bytes are those on record.
+    /// The bytes match the record.
     Good,
-    /// It was put here by hand: there is no record, so nothing to compare it with. It is used like the others.
+    /// Placed there by hand: without a record, there is nothing to compare with. Used like the others.
     Own,
-    /// It is not used; the text says why and what to do.
+    /// Not used; the text gives the reason and the remedy.
     Damaged(String),
 }
 
@@ -23,39 +23,39 @@ pub enum State {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CachedModel {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// The network.
     pub onnx: PathBuf,
-    /// The card beside it, if there is one.
+    /// Its card, if any.
     pub card: Option<PathBuf>,
     /// Size of the network, bytes; 0 if it cannot be read.
     pub bytes: u64,
     /// SHA-256 of the network; empty if it cannot be read.
     pub sha256: String,
-    /// Where it came from, if that is known.
+    /// Its origin, if known.
     pub record: Option<Record>,
-    /// Whether it is what its record says.
+    /// Whether it matches its record.
     pub state: State,
 }
 
-/// Something else in the cache.
+/// Another file or folder in the cache.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Stray {
-    /// The file or folder.
+    /// Its path.
     pub path: PathBuf,
-    /// What it seems to be.
+    /// Its apparent kind.
     pub what: &'static str,
-    /// Its size, bytes; 0 for folders.
+    /// Size, bytes; 0 for folders.
     pub bytes: u64,
 }
 
 impl CachedModel {
-    /// The bytes of the network, compared with the record as they are read.
+    /// The bytes of the network, compared with the record on reading.
     ///
     /// # Errors
-    /// The file or its record cannot be read, or it is not what was installed.
+    /// The file or its record cannot be read, or they differ.
     pub fn read(&self) -> Result<Vec<u8>, CacheError> {
         let mut file = open(&self.onnx)?;
         let mut bytes = Vec::new();
@@ -73,10 +73,10 @@ impl CachedModel {
         Ok(bytes)
     }
 
-    /// The text of the card beside it; `None` if it has none.
+    /// Text of its card; `None` if it has none.
     ///
     /// # Errors
-    /// The card is there and cannot be read.
+    /// The card exists and cannot be read.
     pub fn card_text(&self) -> Result<Option<String>, CacheError> {
         self.card.as_ref().map_or(Ok(None), |path| {
             let mut text = String::new();
@@ -93,10 +93,10 @@ impl CachedModel {
 }
 
 impl Cache {
-    /// All models, by name. Each is read and its checksum compared. A cache that does not exist holds none.
+    /// All models, by name. Each is read and its checksum compared. Empty if the cache does not exist.
     ///
     /// # Errors
-    /// The folder cannot be read, or is no folder. What is wrong with one model is its [`State`].
+    /// The folder cannot be read, or is not a folder. Problems of one model are in its [`State`].
     pub fn list(&self) -> Result<Vec<CachedModel>, CacheError> {
         let mut models = Vec::new();
         for file in self.files()? {
@@ -107,7 +107,7 @@ impl Cache {
         Ok(models)
     }
 
-    /// What else lies in the folder, by name: unfinished downloads, records without a model, files of others.
+    /// Other contents of the folder, by name: partial downloads, records without a model, foreign files.
     ///
     /// # Errors
     /// As for [`Cache::list`].
@@ -146,14 +146,14 @@ impl Cache {
             .collect())
     }
 
-    /// The model of this name; `None` if it is not here.
+    /// The model of this name; `None` if it is absent.
     ///
     /// # Errors
-    /// The cache is no folder. What is wrong with the model is its [`State`].
+    /// The cache is not a folder. Problems of the model are in its [`State`].
     pub fn find(&self, name: &str) -> Result<Option<CachedModel>, CacheError> {
         self.check_folder()?;
         let onnx = self.onnx_path(name);
-        // A link to nowhere is a model, and damaged: the user put it there.
+        // A dangling link is a damaged model: the user placed it there.
         let absent = |e: std::io::Error| e.kind() == ErrorKind::NotFound;
         if check_name(name).is_err() || onnx.symlink_metadata().is_err_and(absent) {
             return Ok(None);
@@ -174,8 +174,8 @@ impl Cache {
         Ok(Some(model))
     }
 
-    /// The model to use when the user names none: the first of these names that is here, else the first by name. A damaged one is
-    /// not passed over: using another than the last time without a word would be worse than the error that reading it gives.
+    /// The model to use if the user names none: the first of these names that is present, else the first by name. Damaged models are not
+    /// skipped: silently using another than last time would be worse than the error on reading it.
     ///
     /// # Errors
     /// As for [`Cache::list`].
@@ -192,7 +192,7 @@ impl Cache {
         names.map_or(Ok(None), |name| self.find(&name))
     }
 
-    /// Names of what lies in the folder, sorted; none if it does not exist.
+    /// Names in the folder, sorted; empty if it does not exist.
     fn files(&self) -> Result<Vec<String>, CacheError> {
         self.check_folder()?;
         let folder = self.folder();
@@ -224,13 +224,11 @@ impl Cache {
     }
 }
 
-/// The model that a file of this name is.
 fn model_name(file: &str) -> Option<String> {
     let name = file.strip_suffix(".onnx")?;
     check_name(name).is_ok().then(|| name.to_owned())
 }
 
-/// Fills in what the files say.
 fn inspect(model: &mut CachedModel, record_path: &Path) -> Result<(), CacheError> {
     let mut digest = Digest::default();
     let read = digest.add_all(&mut open(&model.onnx)?);
@@ -252,10 +250,10 @@ fn inspect(model: &mut CachedModel, record_path: &Path) -> Result<(), CacheError
     Ok(())
 }
 
-/// Bytes of a card that are read: a list of a thousand classes has some ten thousand.
+/// Maximum number of bytes read from a card: a list of a thousand classes has some ten thousand.
 const LONGEST_CARD: u64 = 1 << 22;
 
-/// Opens a regular file, of which no more than [`LARGEST`] and one byte can be read.
+/// Opens a regular file, limited to [`LARGEST`] plus one bytes.
 fn open(path: &Path) -> Result<impl Read + use<>, CacheError> {
     let unreadable = |source| CacheError::Read {
         path: path.to_owned(),
@@ -301,7 +299,6 @@ fn compare(
     })
 }
 
-/// The record at this path; `None` if there is none.
 fn read_record(path: &Path) -> Result<Option<Record>, CacheError> {
     /// A record has some hundred bytes.
     const LONGEST: u64 = 1 << 16;
@@ -311,7 +308,7 @@ fn read_record(path: &Path) -> Result<Option<Record>, CacheError> {
     };
     let mut text = String::new();
     let file = match std::fs::metadata(path) {
-        // A pipe would be waited for.
+        // Reading a pipe would block.
         Ok(found) if !found.is_file() => Err(std::io::Error::other("not a file")),
         Ok(_) => std::fs::File::open(path),
         Err(e) => Err(e),

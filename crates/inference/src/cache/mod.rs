@@ -1,8 +1,8 @@
-//! The cache: a folder of the user's in which models lie under their names.
+//! The model cache: a folder of the user that holds models by name.
 //!
-//! For a model `NAME`, the folder `models` holds `NAME.onnx`, the network; `NAME.toml`, its card, if it has one; `NAME.record.toml`, where it
-//! came from ([`Record`]); and, for models whose publisher states no checksum, `NAME.sha256`, the checksum of the first download. While a
-//! download is unfinished there are also `NAME.part` and `NAME.part.toml`. Files that a user puts there by hand are models, too.
+//! For a model `NAME`, the folder `models` holds `NAME.onnx`, the network; `NAME.toml`, its card, if it has one; `NAME.record.toml`, its
+//! origin ([`Record`]); and, for models whose publisher states no checksum, `NAME.sha256`, the checksum of the first download. During a
+//! download there are also `NAME.part` and `NAME.part.toml`. Files placed there by hand are models, too.
 
 mod error;
 mod install;
@@ -22,13 +22,13 @@ use std::path::{Path, PathBuf};
 /// server that never ends from filling the disk.
 pub const LARGEST: u64 = 512 * 1024 * 1024;
 
-/// A folder with models. It need not exist: it is made when the first model is put there.
+/// A folder of models. It need not exist: the first installation creates it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cache {
     root: PathBuf,
 }
 
-/// Where caches are by custom.
+/// Determines the customary place of caches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Platform {
     Unix,
@@ -45,15 +45,15 @@ const HERE: Platform = if cfg!(windows) {
 };
 
 impl Cache {
-    /// The cache in this folder; models lie in its folder `models`.
+    /// The cache in this folder; models are in its subfolder `models`.
     #[must_use]
     pub fn at(root: impl Into<PathBuf>) -> Self {
         Self { root: root.into() }
     }
 
-    /// The user's cache: `STILLPOINT_CACHE`, else `stillpoint` in `XDG_CACHE_HOME`, else in the system's customary folder:
-    /// `~/.cache`, on macOS `~/Library/Caches`, on Windows `%LOCALAPPDATA%`. Empty variables count as unset, and so does
-    /// an `XDG_CACHE_HOME` that is not absolute, as its specification says. The environment is an argument, so that tests have their own.
+    /// The user's cache: `STILLPOINT_CACHE`, else `stillpoint` in `XDG_CACHE_HOME`, else in the system's customary folder: `~/.cache`, on
+    /// macOS `~/Library/Caches`, on Windows `%LOCALAPPDATA%`. Empty variables count as unset, and so does a relative `XDG_CACHE_HOME`, as
+    /// its specification says. The environment is an argument for the sake of tests.
     ///
     /// # Errors
     /// [`CacheError::NoHome`] if none of them is set.
@@ -100,34 +100,34 @@ impl Cache {
         self.root.join("models")
     }
 
-    /// Where the network of this model lies, or would lie.
+    /// Path of a model's network, existing or not.
     #[must_use]
     pub fn onnx_path(&self, name: &str) -> PathBuf {
         self.file(name, "onnx")
     }
 
-    /// Where the card of this model lies, or would lie.
+    /// Path of a model's card, existing or not.
     #[must_use]
     pub fn card_path(&self, name: &str) -> PathBuf {
         self.file(name, "toml")
     }
 
-    /// Where the record of this model lies, or would lie.
+    /// Path of a model's record, existing or not.
     #[must_use]
     pub fn record_path(&self, name: &str) -> PathBuf {
         self.file(name, "record.toml")
     }
 
-    /// Where the file with this suffix lies beside a model, or would lie, e.g. `NAME.part`. The name has passed [`check_name`].
+    /// Path of the file with this suffix beside a model, e.g. `NAME.part`, existing or not. The name must have passed [`check_name`].
     #[must_use]
     pub fn file(&self, name: &str, suffix: &str) -> PathBuf {
         self.folder().join(format!("{name}.{suffix}"))
     }
 
-    /// Makes the folder where it is missing, and gives it.
+    /// Creates the folder if missing, and returns it.
     ///
     /// # Errors
-    /// It cannot be made, or something else is in its way.
+    /// It cannot be created, or another file is in its way.
     pub fn make(&self) -> Result<PathBuf, CacheError> {
         let folder = self.folder();
         if let Some(path) = in_the_way(&folder) {
@@ -146,7 +146,7 @@ impl Cache {
     }
 }
 
-/// What exists of the path, or above it, without being a folder.
+/// The existing part of the path that is not a folder, if any.
 pub(crate) fn in_the_way(folder: &Path) -> Option<&Path> {
     folder.ancestors().find(|p| p.exists() && !p.is_dir())
 }

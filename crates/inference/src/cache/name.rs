@@ -1,23 +1,23 @@
-//! Names of models become names of files: what a name may be.
+//! Valid model names; they become file names.
 
 use super::error::CacheError;
 
-/// Longest name, characters: with every suffix it stays far below the limits of file systems.
+/// Maximum length of a name, characters: with every suffix it stays far below the limits of file systems.
 const LONGEST: usize = 64;
 
-/// Endings that mean something else in the cache, or that a user took over from a file's name.
+/// Endings with a meaning of their own in the cache, or copied from a file name by mistake.
 const ENDINGS: [&str; 7] = [
     ".onnx", ".toml", ".part", ".record", ".sha256", ".lock", ".tmp",
 ];
 
-/// Names that stand for devices on Windows, whatever follows after a dot.
+/// Names of devices on Windows, with any extension.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
 
-/// Whether a model may have this name: ASCII letters, digits, `-`, `_` and `.`, beginning with a letter or digit, at most 64
-/// characters. Separators and `..` cannot occur, so that a name never leaves the cache's folder.
+/// Checks a model name: ASCII letters, digits, `-`, `_` and `.`, beginning with a letter or digit, at most 64 characters. Separators and
+/// `..` cannot occur, so a name never leaves the cache's folder.
 ///
 /// # Errors
-/// [`CacheError::Name`], with what is wrong with it.
+/// [`CacheError::Name`] with the problem.
 pub fn check_name(name: &str) -> Result<(), CacheError> {
     let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     let lower = name.to_ascii_lowercase();
@@ -103,7 +103,7 @@ mod tests {
     }
 
     proptest::proptest! {
-        /// A name that passes is one ordinary component of a path, and stays one with every suffix.
+        /// A valid name is one ordinary path component, with every suffix.
         #[test]
         fn names_stay_in_the_folder(name in "\\PC{0,12}|[a-z./\\\\:]{0,12}") {
             if check_name(&name).is_ok() {

@@ -1,44 +1,44 @@
-//! The record beside a model: where it came from, and what its bytes should be.
+//! The record beside a model: its origin and checksum.
 
 use serde::{Deserialize, Serialize};
 use std::time::{SystemTime, UNIX_EPOCH};
 use stillpoint_files::{is_sha256, sha256_hex};
 
-/// What a published file is.
+/// Format of a published file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// A network in the ONNX format: kept as it is.
+    /// An ONNX network, kept as it is.
     Onnx,
-    /// A checkpoint of PyTorch: turned into ONNX, and not kept.
+    /// A PyTorch checkpoint: converted to ONNX, and not kept.
     Checkpoint,
 }
 
-/// Where a model came from, as `NAME.record.toml` beside it says.
+/// Origin of a model, stored beside it as `NAME.record.toml`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
-    /// SHA-256 of the ONNX file. [`Cache::install`](super::Cache::install) fills it in.
+    /// SHA-256 of the ONNX file. Filled in by [`Cache::install`](super::Cache::install).
     #[serde(default)]
     pub sha256: String,
-    /// Size of the ONNX file, bytes. [`Cache::install`](super::Cache::install) fills it in.
+    /// Size of the ONNX file, bytes. Filled in by [`Cache::install`](super::Cache::install).
     #[serde(default)]
     pub bytes: u64,
-    /// Where it was downloaded, or the file that it was imported from.
+    /// Address of the download, or path of the imported file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
-    /// SHA-256 of the file at the source: another than `sha256` where that was turned into ONNX.
+    /// SHA-256 of the file at the source; differs from `sha256` after conversion to ONNX.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source_sha256: Option<String>,
-    /// Licence of the weights, where it is known.
+    /// Licence of the weights, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub licence: Option<String>,
-    /// When it was installed, UTC: `2026-01-31T12:00:00Z`.
+    /// Time of installation, UTC: `2026-01-31T12:00:00Z`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub installed: Option<String>,
 }
 
 impl Record {
-    /// The record of a file with these bytes, which came from `source`: an address, or a path.
+    /// Record of a file with these bytes from `source`, an address or a path.
     #[must_use]
     pub fn of(source: &str, published: &[u8]) -> Self {
         Self {
@@ -48,7 +48,7 @@ impl Record {
         }
     }
 
-    /// Whether the ONNX file was made from another file.
+    /// Whether the ONNX file was converted from another file.
     #[must_use]
     pub fn form(&self) -> Form {
         match &self.source_sha256 {
@@ -57,7 +57,7 @@ impl Record {
         }
     }
 
-    /// Reads a record; what is wrong with it, on one line.
+    /// Parses a record; errors are one line.
     pub(crate) fn parse(text: &str) -> Result<Self, String> {
         let record: Self = toml::from_str(text).map_err(|e| one_line(e.message()))?;
         let sound = |sum: &String| is_sha256(sum);
@@ -106,7 +106,7 @@ fn utc(seconds: u64) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
-/// Messages of other crates on one line.
+/// Joins the lines of other crates' messages.
 pub(crate) fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

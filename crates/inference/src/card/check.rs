@@ -1,8 +1,8 @@
-//! Which values of a card make no sense.
+//! Validates the values of a card.
 
 use super::{CardInput, CardOutput, Classes, Column, Head, ModelCard};
 
-/// All of them, each with its key, what was expected and what was found.
+/// All invalid values, each with its key, the expectation and the finding.
 pub(super) fn problems(card: &ModelCard) -> Vec<String> {
     let mut problems = Vec::new();
     let mut expect = |holds: bool, key: &str, expected: &str, found: String| {
@@ -29,7 +29,7 @@ pub(super) fn problems(card: &ModelCard) -> Vec<String> {
     problems
 }
 
-/// Takes whether a value makes sense, its key, what was expected and what was found.
+/// Arguments: whether the value is valid, its key, the expectation, the finding.
 type Expect<'a> = dyn FnMut(bool, &str, &str, String) + 'a;
 
 fn input(input: &CardInput, alignment: usize, expect: &mut Expect<'_>) {
@@ -87,7 +87,7 @@ fn output(head: Head, output: &CardOutput, expect: &mut Expect<'_>) {
             found,
         );
     }
-    // What is written as usual does no harm: cards with all values have it.
+    // The usual value is harmless: cards with all values contain it.
     let usual = CardOutput::usual(head);
     let (sane, expected) = match head {
         Head::Distribution => (
@@ -148,10 +148,9 @@ fn columns(head: Head, columns: &[Column], expect: &mut Expect<'_>) {
     );
 }
 
-/// Largest side of an input, px.
 pub(in super::super) const LARGEST: usize = 4096;
 
-/// Whether a side of an input goes into whole cells and is not absurd.
+/// Whether a side of an input is a multiple of the alignment and within the limit.
 pub(in super::super) fn fits(side: usize, alignment: usize) -> bool {
     (1..=LARGEST).contains(&side) && side.is_multiple_of(alignment)
 }

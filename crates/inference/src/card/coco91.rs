@@ -1,15 +1,14 @@
-//! COCO by the numbers of its annotations, 0 to 90. The data set was planned with 91 classes, of which 80 were annotated; networks of
-//! the DETR family have a score for each number all the same.
+//! COCO by annotation number, 0 to 90. The data set was planned with 91 classes, of which 80 were annotated; networks of the DETR family
+//! still have a score for each number.
 
 use stillpoint_detection::ClassId;
 
-/// Numbers of annotations, with that of nothing.
+/// Number of annotation numbers, with that of background.
 pub(super) const COUNT: usize = 91;
 
-/// Numbers that stand for no class, rising: nothing, street sign, hat, shoe, eye glasses, plate, mirror, window, desk, door, blender.
+/// Numbers without a class, ascending: background, street sign, hat, shoe, eye glasses, plate, mirror, window, desk, door, blender.
 const GAPS: [usize; 11] = [0, 12, 26, 29, 30, 45, 66, 68, 69, 71, 83];
 
-/// The class of a number of an annotation.
 pub(super) fn class(number: usize) -> Option<ClassId> {
     if number >= COUNT || GAPS.contains(&number) {
         return None;

@@ -1,10 +1,9 @@
-//! A card as it stands in a file: with gaps, and with classes by their names.
+//! A card as stored in a file: with missing values, and with classes by name.
 
 use super::{CardInput, CardOutput, Classes, ColourOrder, Column, Head, ModelCard, Resize, check};
 use serde::{Deserialize, Serialize, Serializer};
 use stillpoint_detection::ClassId;
 
-/// A card with what its file leaves out.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CardFile {
@@ -38,7 +37,6 @@ struct OutputFile {
     columns: Option<Vec<Column>>,
 }
 
-/// `"coco"`, `"coco-91"` or a list of names.
 #[derive(Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -50,14 +48,14 @@ enum Names {
 }
 
 impl CardFile {
-    /// The card, with the usual values in the gaps.
+    /// The card, with usual values for missing ones.
     ///
     /// # Errors
-    /// All values that make no sense.
+    /// All invalid values.
     pub(super) fn resolve(self) -> Result<ModelCard, Vec<String>> {
         let (input, output) = (CardInput::usual(self.head), CardOutput::usual(self.head));
         let (classes, mut problems) = classes(self.classes);
-        // Anchors differ between models of one head: guessed ones would give boxes that are wrong.
+        // Anchors differ between models of one head: guessed ones would give wrong boxes.
         let anchors = self.output.anchors.unwrap_or_default();
         let card = ModelCard {
             head: self.head,
@@ -95,7 +93,7 @@ impl TryFrom<CardFile> for ModelCard {
     }
 }
 
-/// The classes of their names, and what is wrong with those.
+/// Classes of these names, and the problems found.
 fn classes(names: Option<Names>) -> (Classes, Vec<String>) {
     let list = match names {
         None => return (Classes::Coco, Vec::new()),
@@ -145,7 +143,7 @@ impl Serialize for Classes {
     }
 }
 
-/// What a TOML error says, on one line and with the line it is about.
+/// A TOML error on one line, with its line number.
 pub(super) fn reason(error: &toml::de::Error, text: &str) -> String {
     let said = error
         .message()

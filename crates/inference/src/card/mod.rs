@@ -1,4 +1,4 @@
-//! The model card: what a network's numbers mean. A few lines of TOML beside the model; the known models need none.
+//! The model card: the meaning of a network's inputs and outputs. A few lines of TOML beside the model; known models need none.
 //!
 //! ```toml
 //! head = "yolo-anchors"        # yolox, yolo-anchors, yolo-grid, distribution, end-to-end or detr
@@ -18,8 +18,8 @@
 //! sigmoid = false              # whether the scores have been through the sigmoid
 //! ```
 //!
-//! What is left out has the value that is usual for the head, but for anchors, which a `yolo-anchors` card has to name. Two more
-//! keys of `[output]` are each for one head:
+//! Missing keys have the usual value of the head, except anchors, which a `yolo-anchors` card must state. Two more keys of `[output]` each
+//! belong to one head:
 //!
 //! ```toml
 //! centre = 0.5                 # distribution: where a cell's centre lies in it, in cells; NanoDet-Plus has 0
@@ -37,39 +37,39 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use stillpoint_detection::ClassId;
 
-/// What the numbers that go into a network and come out of it mean.
+/// The meaning of a network's inputs and outputs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "CardFile")]
 pub struct ModelCard {
-    /// How the outputs are read.
+    /// Decoding of the outputs.
     pub head: Head,
-    /// What the classes' numbers mean.
+    /// Meaning of the class numbers.
     pub classes: Classes,
-    /// What the network is given.
+    /// The input.
     pub input: CardInput,
-    /// What it gives.
+    /// The outputs.
     pub output: CardOutput,
 }
 
-/// How a network's outputs are read.
+/// Decoding of a network's outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Head {
     /// YOLOX: one output of rows x, y, w, h, objectness, classes, one per cell: offsets in cells and logarithms of sizes.
     Yolox,
-    /// YOLOv5 and YOLOv7: one map per stride as the last convolution leaves it; boxes are relative to cells and anchors.
+    /// YOLOv5 and YOLOv7: one map per stride as output by the last convolution; boxes are relative to cells and anchors.
     YoloAnchors,
-    /// YOLOv5, YOLOv7 and YOLOX with decoding inside: rows x, y, w, h, objectness, classes, in px of the input.
+    /// YOLOv5, YOLOv7 and YOLOX with built-in decoding: rows x, y, w, h, objectness, classes, in px of the input.
     YoloGrid,
-    /// PicoDet and NanoDet: scores per class, and for each side of a box how likely each distance from the centre is.
+    /// PicoDet and NanoDet: scores per class, and for each side of a box a distribution over its distance from the centre.
     Distribution,
-    /// Suppression of overlaps inside: the boxes themselves.
+    /// Built-in non-maximum suppression: outputs the final boxes.
     EndToEnd,
     /// RT-DETR, D-FINE, DEIM and RF-DETR: queries with a box and a score per class each, or the best of those.
     Detr,
 }
 
-/// What a network is given.
+/// A network's input.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CardInput {
     /// Width and height, px, for a model that leaves them free.
@@ -77,13 +77,13 @@ pub struct CardInput {
     pub size: Option<[usize; 2]>,
     /// Order of the channels.
     pub colour: ColourOrder,
-    /// Taken from each channel's values (0 to 255), in the order of the channels.
+    /// Subtracted from each channel's values (0 to 255), in the order of the channels.
     pub mean: [f32; 3],
-    /// What each channel is divided by afterwards. Over 0.
+    /// Divisor of each channel after the subtraction. Over 0.
     pub std: [f32; 3],
-    /// How an image is brought to the input's size.
+    /// How an image is fitted to the input's size.
     pub resize: Resize,
-    /// Value of the pixels beside the image, 0 to 255.
+    /// Value of padding pixels, 0 to 255.
     pub padding: f32,
 }
 
@@ -97,7 +97,7 @@ pub enum ColourOrder {
     Rgb,
 }
 
-/// How an image is brought to a network's input size.
+/// How an image is fitted to a network's input size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Resize {
@@ -109,20 +109,20 @@ pub enum Resize {
     Stretch,
 }
 
-/// What a network gives.
+/// A network's outputs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CardOutput {
-    /// Cells of the output maps, px of the input, from fine to coarse. None for `end-to-end` and `detr`.
+    /// Cell sizes of the output maps, px of the input, from fine to coarse. None for `end-to-end` and `detr`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub strides: Vec<usize>,
-    /// For `yolo-anchors`: per stride the anchors' widths and heights in turn, px of the input.
+    /// For `yolo-anchors`: widths and heights of the anchors in turn, per stride, px of the input.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub anchors: Vec<Vec<f32>>,
-    /// Whether the scores have been through the sigmoid. For `yolo-anchors` all columns have been or none.
+    /// Whether the scores have been through the sigmoid. For `yolo-anchors` this concerns all columns.
     pub sigmoid: bool,
-    /// For `distribution`: where a cell's centre lies in it, in cells. 0.5 in the middle; NanoDet-Plus has 0.
+    /// For `distribution`: position of a cell's centre, in cells. 0.5 in the middle; NanoDet-Plus has 0.
     pub centre: f32,
-    /// For `end-to-end`: what the columns of the one output are. A model with four outputs needs none.
+    /// For `end-to-end`: columns of the one output. A model with four outputs needs none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub columns: Vec<Column>,
 }
@@ -131,7 +131,7 @@ pub struct CardOutput {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Column {
-    /// Number of the image in the batch; other images than the first are left out.
+    /// Number of the image in the batch; only the first image counts.
     Batch,
     /// Left side, px of the input.
     X0,
@@ -143,50 +143,50 @@ pub enum Column {
     Y1,
     /// Number of the class.
     Class,
-    /// How sure the network is, 0 to 1.
+    /// Score, 0 to 1.
     Score,
-    /// Something else.
+    /// Not used.
     #[serde(rename = "-")]
     Ignored,
 }
 
-/// What the classes' numbers mean.
+/// Meaning of the class numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Classes {
     /// The 80 of COCO in their usual order.
     Coco,
-    /// COCO by the numbers of its annotations, 0 to 90, of which eleven stand for nothing.
+    /// COCO by annotation number, 0 to 90, of which eleven have no class.
     Coco91,
-    /// A class of COCO per number; `None` for one that is left out.
+    /// A class of COCO per number; `None` for one to ignore.
     Listed(Vec<Option<ClassId>>),
 }
 
-/// A model card cannot be used.
+/// Error: a model card cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CardError {
-    /// It is no TOML, lacks its head, or has a key or a word that cards do not have.
+    /// Invalid TOML, no head, or an unknown key or word.
     #[error(
         "{name}: expected a model card in TOML, found: {reason}; correct the line or take it out"
     )]
     Syntax {
         /// Name of the card.
         name: String,
-        /// What is wrong, with its line.
+        /// The problem, with its line.
         reason: String,
     },
-    /// Values that make no sense.
+    /// Invalid values.
     #[error("{name}: {}", problems.join("\n"))]
     Values {
         /// Name of the card.
         name: String,
-        /// All of them, each with its key, what was expected and what was found.
+        /// All of them, each with its key, the expectation and the finding.
         problems: Vec<String>,
     },
 }
 
 impl ModelCard {
-    /// With the values that are usual for a head, and COCO's classes. `yolo-anchors` has YOLOv7's anchors.
+    /// With the usual values of a head, and COCO's classes. `yolo-anchors` has YOLOv7's anchors.
     #[must_use]
     pub fn new(head: Head) -> Self {
         Self {
@@ -197,10 +197,10 @@ impl ModelCard {
         }
     }
 
-    /// From a card's text; `name` is what errors call it.
+    /// Parses a card; errors refer to it by `name`.
     ///
     /// # Errors
-    /// [`CardError`] with all values that make no sense.
+    /// [`CardError`] with all invalid values.
     pub fn parse(name: &str, text: &str) -> Result<Self, CardError> {
         let file: CardFile = toml::from_str(text).map_err(|e| CardError::Syntax {
             name: name.to_owned(),
@@ -212,7 +212,7 @@ impl ModelCard {
         })
     }
 
-    /// All values that make no sense, each with its key, what was expected and what was found.
+    /// All invalid values, each with its key, the expectation and the finding.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
         check::problems(self)
@@ -221,11 +221,11 @@ impl ModelCard {
     /// As a file's text, with all values.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        // Nothing in a card is without a form in TOML.
+        // Every card can be written as TOML.
         toml::to_string(self).unwrap_or_default()
     }
 
-    /// Number of classes that the network tells apart.
+    /// Number of classes of the network.
     #[must_use]
     pub fn class_count(&self) -> usize {
         match &self.classes {
@@ -235,7 +235,7 @@ impl ModelCard {
         }
     }
 
-    /// The class of a number of the network's; `None` for one that is left out or that it does not have.
+    /// Class of a network's class number; `None` for ignored or unknown numbers.
     #[must_use]
     pub fn class(&self, number: usize) -> Option<ClassId> {
         match &self.classes {
@@ -245,25 +245,25 @@ impl ModelCard {
         }
     }
 
-    /// What both sides of the input are multiples of, px: the coarsest stride. Heads of distributions make their map of 64 px
-    /// cells from that of 32, with its border filled up.
+    /// Both sides of the input are multiples of this, px: the coarsest stride. Distribution heads derive their map of 64 px cells from that
+    /// of 32, with a padded border.
     pub(super) fn alignment(&self) -> usize {
         let coarsest = self.output.strides.iter().copied().max().unwrap_or(32);
         match self.head {
             Head::Distribution => coarsest.min(32),
-            // What a transformer's patches go into is said by its graph.
+            // The graph itself defines the patch size of a transformer.
             Head::Detr => 1,
             _ => coarsest,
         }
     }
 }
 
-/// Mean and standard deviation of ImageNet's images, red, green and blue, 0 to 255: what many networks are trained with.
+/// Mean and standard deviation of ImageNet's images, red, green and blue, 0 to 255, as used to train many networks.
 pub(super) const IMAGENET: ([f32; 3], [f32; 3]) =
     ([123.675, 116.28, 103.53], [58.395, 57.12, 57.375]);
 
 impl CardInput {
-    /// What is usual for a head.
+    /// Usual values of a head.
     #[must_use]
     pub fn usual(head: Head) -> Self {
         let yolo = Self {
@@ -299,7 +299,7 @@ impl CardInput {
 }
 
 impl CardOutput {
-    /// What is usual for a head.
+    /// Usual values of a head.
     #[must_use]
     pub fn usual(head: Head) -> Self {
         use Column::{Batch, Class, Score, X0, X1, Y0, Y1};
@@ -350,7 +350,7 @@ impl Head {
         Self::Detr,
     ];
 
-    /// As cards name it.
+    /// Name in cards.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -1,4 +1,4 @@
-//! What a card may say, and how it is refused.
+//! Valid and invalid cards.
 
 use super::*;
 
@@ -98,7 +98,7 @@ fn all_problems_are_reported_with_their_keys() {
     let columns =
         "head = \"end-to-end\"\n[output]\ncolumns = [\"x0\", \"y0\", \"x1\", \"y1\", \"class\"]";
     assert!(problems(columns)[0].starts_with("output.columns: "));
-    // Values that the head does not read.
+    // Values that the head does not use.
     let sigmoid = "head = \"end-to-end\"\n[output]\nsigmoid = false";
     assert!(problems(sigmoid)[0].starts_with("output.sigmoid: expected none"));
     let centre = "head = \"yolo-grid\"\n[output]\ncentre = 0";
@@ -151,7 +151,7 @@ fn numbers_are_classes_by_the_card() {
 }
 
 proptest::proptest! {
-    /// Whatever a card's file holds, there is a card that says no nonsense, or an error with its name, and with the line where it is no TOML.
+    /// Any text gives a valid card, or an error with its name, and with the line where it is not TOML.
     #[test]
     fn damaged_cards_are_cards_or_errors_that_name_the_place(
         head in 0..Head::ALL.len(), at in proptest::prelude::any::<proptest::sample::Index>(), cut in 0..12_usize,

@@ -1,8 +1,8 @@
-//! A model's file made to take another input size. Exporters write the size of the image into the graph where the network
-//! itself would take any: as the input's shape, as shapes of what is computed, and into the constants of reshapes.
+//! Rewrites a model's file for another input size. Exporters fix the image size in the graph even if the network itself would take any: in
+//! the input's shape, in shapes of intermediate values, and in the constants of reshapes.
 //!
-//! The new file is a trial: a graph may hold its size in other places too, e.g. coordinates of all cells. Then it does not run,
-//! or gives outputs of other shapes than its head expects.
+//! The new file is a trial: a graph may contain its size in other places too, e.g. in coordinates of all cells. Then it does not run, or
+//! its outputs have other shapes than its head expects.
 
 use super::size::Size;
 use crate::interface::inner;
@@ -19,13 +19,13 @@ const INPUT: u64 = 11;
 const OUTPUT: u64 = 12;
 const VALUE_INFO: u64 = 13;
 
-/// The model with its image input of this size. Weights that the file lists among its inputs, as old exporters did, are taken
-/// off that list, since a runtime cannot prepare for a weight that might change. Nodes that have the name of a value lose it,
-/// since `rten` takes the one for the other; the format allows it, and PicoDet's exporter does it. An input `target`, which takes the
-/// width and height in px to which a network brings its boxes, becomes a constant: the size of the image input.
+/// The model with this image input size. Weights that the file lists among its inputs, as old exporters did, are removed from that list,
+/// since a runtime cannot optimise weights that might change. Nodes named like a value lose their name, since `rten` confuses the two; the
+/// format allows it, and PicoDet's exporter does it. An input `target`, the width and height in px for the network's boxes, becomes a
+/// constant: the size of the image input.
 ///
 /// # Errors
-/// Damaged fields on the way.
+/// Damaged fields.
 pub(super) fn resized(
     model: &[u8],
     input: &str,
@@ -67,19 +67,17 @@ pub(super) fn resized(
     Ok(copy.into_bytes())
 }
 
-/// What is changed in a graph.
 struct Patch<'a> {
     input: &'a str,
-    /// Name of the input that takes a width and a height, if there is one.
+    /// Name of the input for a width and a height, if any.
     target: Option<&'a str>,
-    /// The size that is in the graph, if it is another one.
+    /// The size in the graph, if it differs.
     own: Option<Size>,
     size: Size,
-    /// Names of the weights.
     weights: BTreeSet<&'a str>,
-    /// Names of the constants that are shapes and nothing else.
+    /// Names of constants used only as shapes.
     shapes: BTreeSet<&'a str>,
-    /// Names of what nodes take and give.
+    /// Names of the nodes' inputs and outputs.
     values: BTreeSet<&'a str>,
 }
 
@@ -117,7 +115,6 @@ impl Patch<'_> {
         Ok(copy)
     }
 
-    /// The image input with its size.
     fn image(&self, port: &[u8]) -> Result<Message, WireError> {
         let sides = [1, 3, self.size.height, self.size.width];
         let shape = sides.iter().fold(Message::new(), |shape, &side| {
@@ -126,7 +123,7 @@ impl Patch<'_> {
         with_type(port, |tensor| Ok(without(tensor, 2)?.message(2, &shape)))
     }
 
-    /// The input of a width and a height as a constant of the type that it has.
+    /// The input for a width and a height, as a constant of its type.
     fn constant_of(&self, port: &[u8], name: &str) -> Result<Message, WireError> {
         let mut element = INT64;
         if let Some(tensor) = inner(port, &[2, 1])? {
@@ -147,7 +144,7 @@ impl Patch<'_> {
                 .iter()
                 .flat_map(|&s| (s as i32).to_le_bytes())
                 .collect(),
-            // Another type is none that a size has, and the runtime refuses it.
+            // Sizes have no other type; the runtime refuses it.
             _ => sides
                 .iter()
                 .flat_map(|&s| (s as i64).to_le_bytes())
@@ -157,7 +154,7 @@ impl Patch<'_> {
         Ok(shape.integer(2, element).field(8, name).field(9, data))
     }
 
-    /// A node that changes: a `Constant` that holds a shape, or one that has the name of a value.
+    /// A node that changes: a `Constant` that holds a shape, or one named like a value.
     fn node(&self, node: &[u8]) -> Result<Option<Message>, WireError> {
         // Its only output.
         let output = text(node, 2)?;
@@ -198,7 +195,7 @@ impl Patch<'_> {
         Ok(copy)
     }
 
-    /// A shape that ends with a map's height and width, for the new size. `None` where nothing changes.
+    /// A shape that ends with a map's height and width, for the new size. `None` if nothing changes.
     fn constant(&self, tensor: &[u8], name: Option<&str>) -> Result<Option<Message>, WireError> {
         let (Some(own), Some(name)) = (self.own, name) else {
             return Ok(None);
@@ -223,8 +220,8 @@ const FLOAT: u64 = 1;
 const INT32: u64 = 6;
 const INT64: u64 = 7;
 
-/// A shape whose last two sizes are a map's of the old input, with those of the new one. `None` if they are none, or if it is not
-/// clear which map's.
+/// A shape that ends with a map's height and width at the old input size, for the new size. `None` if it does not, or if the map is
+/// ambiguous.
 fn rescaled(shape: &[i64], own: Size, size: Size) -> Option<Vec<i64>> {
     let (first, &[height, width]) = shape.split_last_chunk()?;
     let cells = |side: usize, stride: usize| side.div_ceil(stride) as i64;
@@ -243,7 +240,6 @@ fn rescaled(shape: &[i64], own: Size, size: Size) -> Option<Vec<i64>> {
     Some([first, &found].concat())
 }
 
-/// Names of a graph's weights.
 fn weights(graph: &[u8]) -> Result<BTreeSet<&str>, WireError> {
     let mut names = BTreeSet::new();
     for field in fields(graph) {
@@ -255,7 +251,6 @@ fn weights(graph: &[u8]) -> Result<BTreeSet<&str>, WireError> {
     Ok(names)
 }
 
-/// Names of what a graph's nodes take and give.
 fn values(graph: &[u8]) -> Result<BTreeSet<&str>, WireError> {
     let mut names = BTreeSet::new();
     for field in fields(graph) {
@@ -273,7 +268,7 @@ fn values(graph: &[u8]) -> Result<BTreeSet<&str>, WireError> {
     Ok(names)
 }
 
-/// Names of a graph's values that serve as the shape of a `Reshape` or the sizes of a `Resize`, and as nothing else.
+/// Names of values used only as the shape of a `Reshape` or the sizes of a `Resize`.
 fn shapes(graph: &[u8]) -> Result<BTreeSet<&str>, WireError> {
     let (mut shapes, mut others) = (BTreeSet::new(), BTreeSet::new());
     for field in fields(graph) {
@@ -302,7 +297,7 @@ fn shapes(graph: &[u8]) -> Result<BTreeSet<&str>, WireError> {
     Ok(shapes)
 }
 
-/// A tensor's numbers, if they are 64-bit integers in one row.
+/// A tensor's numbers, if they are a one-dimensional array of 64-bit integers.
 fn integers(tensor: &[u8]) -> Result<Option<Vec<i64>>, WireError> {
     let (mut is_int64, mut data) = (false, Vec::new());
     for field in fields(tensor) {
@@ -324,12 +319,11 @@ fn integers(tensor: &[u8]) -> Result<Option<Vec<i64>>, WireError> {
     Ok(is_int64.then_some(data))
 }
 
-/// A port without what is said about its shape.
 fn without_shape(port: &[u8]) -> Result<Message, WireError> {
     with_type(port, |tensor| without(tensor, 2))
 }
 
-/// A port (`ValueInfoProto`) whose tensor type is changed: type 2 { tensor 1 { element 1, shape 2 } }.
+/// A port (`ValueInfoProto`) with a changed tensor type: type 2 { tensor 1 { element 1, shape 2 } }.
 fn with_type(
     port: &[u8],
     change: impl Fn(&[u8]) -> Result<Message, WireError>,
@@ -354,7 +348,7 @@ fn with_type(
     Ok(copy)
 }
 
-/// A message without the fields of a number.
+/// A message without the fields of this number.
 fn without(message: &[u8], number: u64) -> Result<Message, WireError> {
     let mut copy = Message::new();
     for field in fields(message) {

@@ -1,4 +1,4 @@
-//! What a file made for another size has and keeps.
+//! Files rewritten for another size.
 
 use super::*;
 use crate::interface::{Dimension, Interface};
@@ -17,7 +17,7 @@ fn shapes_follow_the_size() {
     for (shape, expected) in [
         (vec![1, 2, 48, 52, 52], Some(vec![1, 2, 48, 40, 52])),
         (vec![1, 255, 13, 13], Some(vec![1, 255, 10, 13])),
-        // The border of a map that does not go into whole cells.
+        // A map whose cells extend beyond the input.
         (vec![1, 8, 7, 7], Some(vec![1, 8, 5, 7])),
         (vec![1, 85, -1], None),
         (vec![1, 255, 12, 12], None),
@@ -26,7 +26,7 @@ fn shapes_follow_the_size() {
     ] {
         assert_eq!(rescaled(&shape, SQUARE, FLAT), expected, "{shape:?}");
     }
-    // Whether a map of one cell is that of 32 or of 64 px cells is not clear.
+    // A map of one cell may have 32 or 64 px cells.
     let small = Size {
         width: 32,
         height: 32,

@@ -1,26 +1,24 @@
-//! YOLOv5 and YOLOv7 as they leave the last convolutions: a map per stride, boxes relative to cells and anchors. With s the
-//! sigmoid: xy = (2 s(out) - 0.5 + cell) * stride, wh = (2 s(out))^2 * anchor (Wang et al., "YOLOv7", 2022, and its
-//! predecessors' code, which no paper describes).
+//! Raw outputs of YOLOv5 and YOLOv7: a map per stride, boxes relative to cells and anchors. With s the sigmoid: xy = (2 s(out) - 0.5 +
+//! cell) * stride, wh = (2 s(out))^2 * anchor (Wang et al., "YOLOv7", 2022, and its predecessors' code, which no paper describes).
 
 use super::gate::{Gate, best, sigmoid};
 use super::{Candidate, Level, Mismatch, Reading, Tensor, shapes};
 
-/// Columns before the classes'.
+/// Columns before the classes.
 const BEFORE: usize = 5;
 
-/// The numbers of one anchor in one map.
+/// The values of one anchor in one map.
 struct Map<'a> {
     level: Level,
     /// Width and height of the anchor, px.
     anchor: [f64; 2],
     data: &'a [f32],
     columns: usize,
-    /// Whether each column is a plane of its own; else the columns of a cell lie together.
+    /// Whether each column is a plane of its own; else the columns of a cell are adjacent.
     planes: bool,
 }
 
 impl Map<'_> {
-    /// The number of a column in a cell.
     fn at(&self, cell: usize, column: usize) -> f32 {
         if self.planes {
             self.data[column * self.level.cells() + cell]
@@ -29,13 +27,13 @@ impl Map<'_> {
         }
     }
 
-    /// The greatest value of each cell over the planes of all classes, and its class, plane by plane: where many cells may hold
-    /// something, walking through all planes for each of them misses the cache at every step.
+    /// Maximum class value of each cell, and its class, computed plane by plane: if many cells pass, walking through all planes for each of
+    /// them misses the cache at every step.
     fn best_of_planes(&self) -> (Vec<f32>, Vec<usize>) {
         let cells = self.level.cells();
         let mut planes = self.data.chunks_exact(cells.max(1)).skip(BEFORE);
         let mut values = planes.next().unwrap_or_default().to_vec();
-        // Nothing is greater than what is no number.
+        // NaN never wins a comparison.
         let odd = values.iter_mut().filter(|v| v.is_nan());
         odd.for_each(|v| *v = f32::NEG_INFINITY);
         let mut classes = vec![0; values.len()];
@@ -50,7 +48,6 @@ impl Map<'_> {
     }
 }
 
-/// The boxes of all maps.
 pub(super) fn decode(
     reading: &Reading<'_>,
     outputs: &[Tensor],
@@ -111,7 +108,7 @@ fn decode_cell(
     Candidate::around(class, score, centre, half)
 }
 
-/// Takes all scores and their factors.
+/// Passes all scores and their factors to `take`.
 pub(super) fn each_score(reading: &Reading<'_>, outputs: &[Tensor], take: &mut impl FnMut(f32)) {
     for map in maps(reading, outputs).unwrap_or_default() {
         for column in BEFORE - 1..map.columns {
@@ -120,7 +117,7 @@ pub(super) fn each_score(reading: &Reading<'_>, outputs: &[Tensor], take: &mut i
     }
 }
 
-/// The maps by stride and anchor. Outputs may come in any order, since their sizes tell them apart.
+/// The maps by stride and anchor. Outputs may come in any order, since their sizes identify them.
 fn maps<'a>(reading: &Reading<'_>, outputs: &'a [Tensor]) -> Result<Vec<Map<'a>>, Mismatch> {
     let card = &reading.card.output;
     let columns = BEFORE + reading.card.class_count();
@@ -187,7 +184,7 @@ mod tests {
     use super::*;
     use crate::card::{Head, ModelCard};
 
-    /// The formula as it stands in the module's documentation, cell by cell, in the order of strides, anchors and cells.
+    /// The formula of the module's documentation, cell by cell, in the order of strides, anchors and cells.
     fn reference(
         outputs: &[Tensor],
         width: usize,
@@ -237,7 +234,7 @@ mod tests {
         maps.collect()
     }
 
-    /// The same numbers with the columns of a cell together.
+    /// The same numbers with the columns of a cell adjacent.
     fn by_cells(map: &Tensor) -> Tensor {
         let (h, w) = (map.shape[2], map.shape[3]);
         let mut other = tensor(&[1, 3, h, w, 85]);
@@ -255,7 +252,7 @@ mod tests {
             let reading = reading(&card, width, height, threshold);
             let mut maps = random(width, height);
             if threshold > 0.95 {
-                // Few cells hold something, so that they are read one by one.
+                // Few cells pass, so they are read one by one.
                 for map in &mut maps {
                     map.data.iter_mut().for_each(|v| *v *= 2.0);
                     let cells = map.shape[2] * map.shape[3];
@@ -268,7 +265,7 @@ mod tests {
             let expected = reference(&maps, width, height, f64::from(threshold));
             assert!(expected.len() > 20);
             let mut cells: Vec<Tensor> = maps.iter().map(by_cells).collect();
-            // The sizes of outputs tell them apart.
+            // Output sizes identify the maps.
             cells.reverse();
             for outputs in [maps, cells] {
                 let found = reading.decode(&outputs).unwrap();
@@ -304,7 +301,7 @@ mod tests {
         }
     }
 
-    /// In both ways to look for the best class.
+    /// With both searches for the best class.
     #[test]
     fn what_is_no_number_hides_no_class() {
         let card = ModelCard::new(Head::YoloAnchors);

@@ -1,20 +1,19 @@
-//! DETR (Carion et al., "End-to-End Object Detection with Transformers", 2020) in the forms that run in real time: RT-DETR, D-FINE, DEIM
-//! and RF-DETR. Each of a fixed number of queries has one box and a score per class; nothing is suppressed.
+//! Real-time forms of DETR (Carion et al., "End-to-End Object Detection with Transformers", 2020): RT-DETR, D-FINE, DEIM and RF-DETR. Each
+//! of a fixed number of queries has one box and a score per class; nothing is suppressed.
 //!
-//! Exporters write the scores of all classes beside boxes in shares of the input, or only the best pairs of query and class, as
-//! labels, boxes and scores. Outputs are told apart by their names, and where those say nothing by their shapes.
+//! Exporters write the scores of all classes beside boxes as fractions of the input, or only the best pairs of query and class, as labels,
+//! boxes and scores. Outputs are identified by name, or else by shape.
 
 use super::gate::Gate;
 use super::{Candidate, Mismatch, Reading, Tensor, shapes};
 use stillpoint_detection::BoundingBox;
 
-/// What exporters call the boxes: D-FINE's, `transformers`' and RF-DETR's.
+/// Exporters' names of the boxes: D-FINE's, `transformers`' and RF-DETR's.
 const BOXES: [&str; 3] = ["boxes", "pred_boxes", "dets"];
 
-/// The outputs by what they hold.
 #[derive(Clone, Copy)]
 enum Outputs<'a> {
-    /// A score per query and class, and boxes as centre and size in shares of the input.
+    /// A score per query and class, and boxes as centre and size in fractions of the input.
     All { scores: &'a [f32], boxes: &'a [f32] },
     /// The best ones: class, corners in px of the input, and score.
     Best {
@@ -24,7 +23,7 @@ enum Outputs<'a> {
     },
 }
 
-/// The boxes whose score reaches the threshold. Of all pairs of query and class as many are taken as there are queries, the best ones.
+/// The boxes whose score reaches the threshold: of all pairs of query and class, the best, at most the number of queries.
 pub(super) fn decode(
     reading: &Reading<'_>,
     outputs: &[Tensor],
@@ -39,14 +38,14 @@ pub(super) fn decode(
     }
 }
 
-/// All scores as the network gives them; none where it gives the best ones.
+/// All scores as output by the network; none if it outputs only the best ones.
 pub(super) fn each_score(reading: &Reading<'_>, outputs: &[Tensor], take: &mut dyn FnMut(f32)) {
     if let Ok(Outputs::All { scores, .. }) = sort(reading, outputs) {
         scores.iter().for_each(|&score| take(score));
     }
 }
 
-/// What boxes should be in and what they look like, if these are of an image without anything in it and in something else.
+/// Expected unit and found values, if boxes of a blank image are in the wrong unit.
 pub(in super::super) fn misplaced(
     reading: &Reading<'_>,
     outputs: &[Tensor],
@@ -57,7 +56,7 @@ pub(in super::super) fn misplaced(
     };
     let finite = boxes.iter().filter(|v| v.is_finite());
     let reach = finite.fold(0.0_f32, |most, v| most.max(v.abs()));
-    // RF-DETR's may go beyond the image by a little, and no box of all is within two px of the corner.
+    // RF-DETR's may exceed the image slightly, and never are all boxes within two px of the corner.
     let found = format!("values up to {reach:.2} for {} px", reading.size);
     match (in_shares, reach > 2.0) {
         (true, true) => Some(("boxes in shares of the input", found)),
@@ -108,7 +107,7 @@ fn best(reading: &Reading<'_>, labels: &[f32], boxes: &[f32], scores: &[f32]) ->
     found.collect()
 }
 
-/// The outputs by their names, or else by their shapes.
+/// The outputs by name, or else by shape.
 fn sort<'a>(reading: &Reading<'_>, outputs: &'a [Tensor]) -> Result<Outputs<'a>, Mismatch> {
     let classes = reading.card.class_count();
     let sorted = match outputs {
@@ -129,7 +128,7 @@ fn sort<'a>(reading: &Reading<'_>, outputs: &'a [Tensor]) -> Result<Outputs<'a>,
     }
 }
 
-/// Scores and boxes of two outputs. With four classes both have the same shape, and only names tell.
+/// Scores and boxes of two outputs. With four classes both have the same shape, and only names distinguish them.
 fn pair<'a>(a: &'a Tensor, b: &'a Tensor) -> Option<[&'a Tensor; 2]> {
     let named = |t: &Tensor| BOXES.contains(&t.name.as_str());
     let fours = |t: &Tensor| t.shape.last() == Some(&4);
@@ -194,7 +193,6 @@ mod tests {
         }
     }
 
-    /// A card for this many classes.
     fn card(classes: usize) -> ModelCard {
         let mut card = ModelCard::new(Head::Detr);
         card.classes = Classes::Listed(vec![Some(ClassId::PERSON); classes]);
@@ -216,7 +214,7 @@ mod tests {
     fn the_best_pairs_of_query_and_class_are_boxes() {
         let card = card(3);
         let found = reading(&card, 64, 32, 0.3).decode(&two_queries()).unwrap();
-        // Three pairs reach the threshold, and as many as there are queries stay: 1/2 of the first query's second class goes.
+        // Three pairs reach the threshold, and one per query remains: 1/2 of the first query's second class is dropped.
         let expected = [
             (2, 0.999_876_6, [0.0, 0.0, 16.0, 32.0]),
             (0, 0.75, [16.0, 4.0, 48.0, 12.0]),
@@ -257,7 +255,7 @@ mod tests {
                 assert_eq!(three.decode(&outputs).as_ref(), Ok(&expected), "{a} {b}");
             }
         }
-        // Four classes: the shapes say nothing.
+        // Four classes: the shapes are ambiguous.
         let four = card(4);
         let four = reading(&four, 64, 32, 0.3);
         let scores = named("labels", &[1, 1, 4], &[-9.0, 9.0, -9.0, -9.0]);
@@ -292,7 +290,7 @@ mod tests {
         let [labels, boxes, scores] = outputs;
         let turned = [scores, labels, boxes];
         assert_eq!(reading.decode(&turned), Ok(found.clone()));
-        // Without names the order counts; with some of them nothing does.
+        // Without names the order counts; with some names nothing is recognised.
         let [scores, labels, boxes] = turned;
         let unnamed = [labels, boxes, scores].map(|t| named("", &t.shape, &t.data));
         assert_eq!(reading.decode(&unnamed), Ok(found));

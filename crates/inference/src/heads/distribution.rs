@@ -1,27 +1,24 @@
-//! PicoDet and NanoDet: scores per class, and per side of a box a distribution over its distance from the centre (Li et al.,
-//! "Generalized Focal Loss", 2020): distance = stride * sum of i * softmax(out)_i over the bins.
+//! PicoDet and NanoDet: scores per class, and per side of a box a distribution over its distance from the centre (Li et al., "Generalized
+//! Focal Loss", 2020): distance = stride * sum of i * softmax(out)_i over the bins.
 
 use super::gate::{Gate, best};
 use super::{Candidate, Level, Mismatch, Reading, Tensor, shapes};
 use stillpoint_detection::BoundingBox;
 
-/// The most bins per side.
 const MOST_BINS: usize = 64;
 
-/// The numbers of one map: its scores and its sides in rows per cell.
+/// The values of one map: scores and sides in rows per cell.
 struct Map<'a> {
     level: Level,
     scores: Rows<'a>,
     sides: Rows<'a>,
 }
 
-/// Part of each row of an output.
+/// A range of columns of an output's rows.
 #[derive(Clone, Copy)]
 struct Rows<'a> {
     data: &'a [f32],
-    /// From one row to the next.
     step: usize,
-    /// Where the part begins in a row, and its length.
     begin: usize,
     length: usize,
 }
@@ -86,7 +83,7 @@ fn decode_cell(
     Candidate::new(class, score, bounds)
 }
 
-/// The mean of the bins' numbers under the softmax of their values.
+/// Mean bin index under the softmax of the values.
 fn expectation(bins: &[f32]) -> f64 {
     let highest = bins.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let (mut sum, mut weighted) = (0.0, 0.0);
@@ -98,7 +95,6 @@ fn expectation(bins: &[f32]) -> f64 {
     weighted / sum
 }
 
-/// Takes all scores.
 pub(super) fn each_score(reading: &Reading<'_>, outputs: &[Tensor], take: &mut impl FnMut(f32)) {
     for map in maps(reading, outputs).unwrap_or_default() {
         for cell in 0..map.level.cells() {
@@ -107,7 +103,6 @@ pub(super) fn each_score(reading: &Reading<'_>, outputs: &[Tensor], take: &mut i
     }
 }
 
-/// The maps from fine to coarse.
 fn maps<'a>(reading: &Reading<'_>, outputs: &'a [Tensor]) -> Result<Vec<Map<'a>>, Mismatch> {
     let found = match outputs {
         [output] => joined(reading, output),
@@ -145,8 +140,7 @@ fn joined<'a>(reading: &Reading<'_>, output: &'a Tensor) -> Option<Vec<Map<'a>>>
     Some(maps.collect())
 }
 
-/// An output of scores and one of sides per map, in any order. Where their columns do not tell scores from sides, scores come
-/// first.
+/// An output of scores and one of sides per map, in any order. If their columns do not distinguish scores from sides, scores come first.
 fn parted<'a>(reading: &Reading<'_>, outputs: &'a [Tensor]) -> Option<Vec<Map<'a>>> {
     if outputs.len() != 2 * reading.card.output.strides.len() {
         return None;
@@ -180,7 +174,7 @@ fn parted<'a>(reading: &Reading<'_>, outputs: &'a [Tensor]) -> Option<Vec<Map<'a
     Some(maps)
 }
 
-/// Whether so many columns are four distributions.
+/// Whether this number of columns gives four distributions.
 fn are_sides(columns: usize) -> bool {
     columns.is_multiple_of(4) && (2..=MOST_BINS).contains(&(columns / 4))
 }
@@ -225,7 +219,7 @@ mod tests {
             for (side, bin) in [1, 2, 3, 7].into_iter().enumerate() {
                 sides[8 * side + bin] = 200.0;
             }
-            // The right side is half on four.
+            // The right side has half of its weight on bin four.
             sides[8 * 2 + 4] = 200.0;
         }
         let found = reading.decode(&outputs).unwrap();
@@ -239,7 +233,7 @@ mod tests {
         }
     }
 
-    /// All in one output means the same.
+    /// The layout with one output gives the same.
     #[test]
     fn the_layouts_agree() {
         let card = ModelCard::new(Head::Distribution);

@@ -1,5 +1,5 @@
-//! Networks that suppress overlaps themselves and give the boxes that are left: a table whose columns the card names, or the
-//! four outputs that exporters for TensorRT write (count, boxes, scores, classes).
+//! Networks with built-in suppression: a table whose columns the card names, or the four outputs of exporters for TensorRT (count, boxes,
+//! scores, classes).
 
 use super::super::card::Column;
 use super::{Candidate, Mismatch, Reading, Tensor, shapes};
@@ -20,7 +20,7 @@ pub(super) fn decode(
         };
         // No NaN is in the range.
         let known = (-0.5..classes as f32 - 0.5).contains(&class) && score >= reading.threshold;
-        // Filled-up rows have a class of -1 or no area.
+        // Padding rows have class -1 or no area.
         known.then(|| Candidate::new((class + 0.5) as usize, score, bounds))?
     };
     let columns = &reading.card.output.columns;
@@ -68,7 +68,7 @@ fn four(count: &Tensor, boxes: &Tensor, scores: &Tensor, numbers: &Tensor) -> Op
     };
     let fits =
         whole(count, 1) && whole(boxes, 4 * most) && whole(scores, most) && whole(numbers, most);
-    // A count that is no number or negative becomes zero.
+    // NaN or a negative count becomes zero.
     fits.then(|| (count.data[0] as usize).min(most))
 }
 

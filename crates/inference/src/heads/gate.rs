@@ -1,21 +1,19 @@
-//! Scores against a threshold. Nearly all of a network's numbers fail it, so those that have not been through the sigmoid are
-//! compared as they are.
+//! Scores against a threshold. Nearly all values fail it, so logits are compared without computing the sigmoid.
 
-/// A threshold on scores.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gate {
     threshold: f32,
-    /// Least value, as the network gives it, whose score may reach the threshold.
+    /// Minimum value of the network whose score may reach the threshold.
     least: f32,
     /// Whether values have been through the sigmoid.
     done: bool,
 }
 
 impl Gate {
-    /// For values that have been through the sigmoid (`done`) or have not.
+    /// `done`: whether values have been through the sigmoid.
     pub(super) fn new(threshold: f32, done: bool) -> Self {
         let t = f64::from(threshold);
-        // The margin is over the rounding of both sides; a sigmoid rounds to one from 17 on.
+        // The margin exceeds the rounding of both sides; a sigmoid rounds to one from 17 on.
         let logit = (libm::log(t / (1.0 - t)) - 1e-3).min(16.0) as f32;
         Self {
             threshold,
@@ -24,16 +22,15 @@ impl Gate {
         }
     }
 
-    /// Whether a score that this value is a factor of may reach the threshold.
+    /// Whether a score with this factor may reach the threshold.
     #[inline]
     pub(super) fn may_pass(&self, value: f32) -> bool {
         value >= self.least
     }
 
-    /// Whether any of these values may pass.
     #[inline]
     pub(super) fn any(&self, values: &[f32]) -> bool {
-        // Counting has no order that a vectorised loop would have to keep.
+        // Counting does not depend on order, so the loop vectorises.
         values
             .iter()
             .map(|&v| u32::from(v >= self.least))
@@ -41,7 +38,6 @@ impl Gate {
             > 0
     }
 
-    /// The score of a value.
     pub(super) fn score(&self, value: f32) -> f32 {
         if self.done {
             value
@@ -50,18 +46,16 @@ impl Gate {
         }
     }
 
-    /// Whether a score reaches the threshold.
     pub(super) fn passes(&self, score: f32) -> bool {
         score >= self.threshold
     }
 }
 
-/// 1 / (1 + e^-x).
 pub(super) fn sigmoid(x: f32) -> f64 {
     1.0 / (1.0 + libm::exp(-f64::from(x)))
 }
 
-/// Number of the greatest value, the first of equal ones, and the value. What is no number is passed over.
+/// Index of the greatest value, the first of equal ones, and the value. NaN is skipped.
 pub(super) fn best(values: impl Iterator<Item = f32>) -> Option<(usize, f32)> {
     let mut found: Option<(usize, f32)> = None;
     for (i, value) in values.enumerate() {
@@ -78,7 +72,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// The shortcut never turns away what the score itself lets pass.
+        /// The shortcut never rejects a passing score.
         #[test]
         fn the_shortcut_agrees_with_the_score(value in -30_f32..30.0, threshold in 1e-3_f32..=1.0) {
             for done in [false, true] {

@@ -1,4 +1,4 @@
-//! Heads: what a network's outputs mean. Each tells whether outputs are its own, and reads boxes from them.
+//! Heads: each recognises its outputs and decodes boxes from them.
 
 mod anchors;
 mod detr;
@@ -16,10 +16,8 @@ pub(super) use rows::{boxes_lie_in_their_cells, boxes_not_in_pixels};
 use stillpoint_detection::BoundingBox;
 pub(super) use suppress::{sorted, suppress};
 
-/// A box that the network sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Candidate {
-    /// Number of the class among the network's own.
     pub(super) class: usize,
     pub(super) score: f32,
     /// In px of the input from its upper left corner.
@@ -27,7 +25,7 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    /// `None` for a box that has no area or holds something that is no number.
+    /// `None` for a box without area, or with infinite or NaN values.
     fn new(class: usize, score: f32, bounds: BoundingBox) -> Option<Self> {
         // Neither comparison holds for a NaN.
         let sane = bounds.x0 < bounds.x1 && bounds.y0 < bounds.y1 && bounds.area().is_finite();
@@ -50,25 +48,22 @@ impl Candidate {
     }
 }
 
-/// Outputs that are not what the head reads.
+/// Error: outputs do not match the head.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Mismatch {
     pub(super) expected: String,
     pub(super) found: String,
 }
 
-/// What a head has to know to read outputs.
 #[derive(Clone, Copy)]
 pub(super) struct Reading<'a> {
     pub(super) card: &'a ModelCard,
-    /// Of the input.
     pub(super) size: Size,
-    /// Least score of a box.
     pub(super) threshold: f32,
 }
 
 impl Reading<'_> {
-    /// The boxes whose score reaches the threshold, in the outputs' order, and not yet suppressed.
+    /// The boxes whose score reaches the threshold, in the outputs' order, before suppression.
     ///
     /// # Errors
     /// [`Mismatch`] for outputs of other shapes than the head's.
@@ -83,8 +78,8 @@ impl Reading<'_> {
         }
     }
 
-    /// Lowest and highest of all the values that the card says are scores; `None` where there are none, as in a head that
-    /// gives its best boxes alone. The outputs have been decoded before.
+    /// Range of all values that are scores according to the card; `None` if there are none, as in a head that outputs only its best boxes.
+    /// The outputs have been decoded before.
     pub(super) fn score_range(&self, outputs: &[Tensor]) -> Option<(f32, f32)> {
         let classes = self.card.class_count();
         let mut range = (f32::INFINITY, f32::NEG_INFINITY);
@@ -99,7 +94,7 @@ impl Reading<'_> {
         (range.0 <= range.1).then_some(range)
     }
 
-    /// The maps of cells, from fine to coarse. Where cells do not go into the input a border of it has some as well.
+    /// The maps of cells, from fine to coarse. The last cells may extend beyond the input.
     fn levels(&self) -> impl Iterator<Item = Level> {
         let Size { width, height } = self.size;
         self.card.output.strides.iter().map(move |&stride| Level {
@@ -109,16 +104,13 @@ impl Reading<'_> {
         })
     }
 
-    /// Number of cells of all maps.
     fn cells(&self) -> usize {
         self.levels().map(|l| l.cells()).sum()
     }
 }
 
-/// A map of cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Level {
-    /// Size of a cell, px.
     stride: usize,
     columns: usize,
     rows: usize,
@@ -130,7 +122,7 @@ impl Level {
     }
 }
 
-/// What a head reads, in a line that says which outputs it expects.
+/// The outputs that a head expects, in one line.
 pub(super) fn expectation(head: Head) -> &'static str {
     match head {
         Head::Yolox => {
@@ -154,7 +146,6 @@ pub(super) fn expectation(head: Head) -> &'static str {
     }
 }
 
-/// Shapes of outputs for a message.
 fn shapes(outputs: &[Tensor]) -> String {
     const SHOWN: usize = 8;
     let shown: Vec<String> = outputs
@@ -174,7 +165,6 @@ fn shapes(outputs: &[Tensor]) -> String {
 mod tests {
     use super::*;
 
-    /// Zeros of this shape.
     pub(super) fn tensor(shape: &[usize]) -> Tensor {
         Tensor {
             name: String::new(),
@@ -196,7 +186,6 @@ mod tests {
         }
     }
 
-    /// Numbers from -4 to 4 that look random.
     pub(super) fn noise(tensor: &mut Tensor, seed: u64) {
         let mut state = seed;
         for value in &mut tensor.data {
@@ -207,7 +196,7 @@ mod tests {
         }
     }
 
-    /// Whatever comes out of a network, reading it ends with boxes that are numbers.
+    /// Decoding any values gives finite boxes.
     #[test]
     fn malicious_values_give_sane_boxes_or_none() {
         let shapes: [(Head, Vec<Vec<usize>>); 7] = [
@@ -236,7 +225,7 @@ mod tests {
             let card = ModelCard::new(head);
             let reading = reading(&card, 32, 32, 0.25);
             let mut sane = 0;
-            // Up to which value of -4 to 4 numbers are malicious: most of them, some, none.
+            // Values below the limit become malicious: most of -4 to 4, some, none.
             for (seed, limit) in (0..50).flat_map(|seed| [(seed, 3.0), (seed, -3.5), (seed, -5.0)])
             {
                 let mut outputs: Vec<Tensor> = shapes.iter().map(|s| tensor(s)).collect();
@@ -248,7 +237,7 @@ mod tests {
                         }
                     }
                     if head == Head::EndToEnd {
-                        // Of the first image.
+                        // All in the first image.
                         output.data.iter_mut().step_by(7).for_each(|v| *v = 0.0);
                     }
                 }

@@ -1,13 +1,13 @@
-//! Rows of x, y, width, height, objectness and classes: YOLOX as it leaves the network (Ge et al., "YOLOX: Exceeding YOLO Series
-//! in 2021"), and whatever decodes such rows to pixels itself.
+//! Rows of x, y, width, height, objectness and classes: raw YOLOX (Ge et al., "YOLOX: Exceeding YOLO Series in 2021"), and networks that
+//! decode such rows to pixels themselves.
 
 use super::gate::{Gate, best};
 use super::{Candidate, Head, Level, Mismatch, Reading, Tensor, shapes};
 
-/// Columns before the classes'.
+/// Columns before the classes.
 const BEFORE: usize = 5;
 
-/// The most rows per cell: anchors of a model that decodes itself.
+/// Maximum number of rows per cell: anchors of a model that decodes itself.
 const MOST_ANCHORS: usize = 9;
 
 /// YOLOX: xy = (out + cell) * stride, wh = exp(out) * stride.
@@ -32,7 +32,7 @@ pub(super) fn decode_raw(
     Ok(found.collect())
 }
 
-/// Rows that are in pixels already.
+/// Rows in pixels already.
 pub(super) fn decode_grid(
     reading: &Reading<'_>,
     outputs: &[Tensor],
@@ -56,9 +56,8 @@ pub(super) fn scores(classes: usize, outputs: &[Tensor]) -> impl Iterator<Item =
     rows.flat_map(|row| &row[BEFORE - 1..]).copied()
 }
 
-/// Whether two of three boxes have their centre within a cell and a half of the cell that they belong to, in px, as decoded ones
-/// do: YOLOv5's and YOLOv7's all, and four of five of YOLOX's. Raw ones are offsets, and lie around the upper left corner. Rows
-/// are by stride, anchor, line and column.
+/// Whether two of three boxes have their centre within a cell and a half of their cell, in px, as decoded ones do: YOLOv5's and YOLOv7's
+/// all, and four of five of YOLOX's. Raw ones are offsets around the upper left corner. Rows are by stride, anchor, line and column.
 pub(in super::super) fn boxes_lie_in_their_cells(
     reading: &Reading<'_>,
     outputs: &[Tensor],
@@ -66,8 +65,8 @@ pub(in super::super) fn boxes_lie_in_their_cells(
     lie_in_their_cells(reading, outputs, [1.0, 1.0])
 }
 
-/// How far right and down centres reach, if boxes should be in px but are not. Those of an image without anything in it lie all
-/// over the input. Rows of YOLOX are offsets unless they lie in their cells as shares of the input.
+/// Maximum x and y of the centres, if boxes should be in px but are not. Boxes of a blank image are spread over the whole input. Rows of
+/// YOLOX are offsets unless they lie in their cells as fractions of the input.
 pub(in super::super) fn boxes_not_in_pixels(
     reading: &Reading<'_>,
     outputs: &[Tensor],
@@ -87,14 +86,13 @@ pub(in super::super) fn boxes_not_in_pixels(
         Head::YoloGrid if rows.len() / columns > reading.cells() => {
             (0..2).all(|i| reach[i] < 0.25 * size[i] as f32)
         }
-        // A single row per cell may be YOLOX's, whose offsets are encoded in another way.
+        // A single row per cell may be YOLOX's, whose offsets are encoded differently.
         Head::YoloGrid => lie_in_their_cells(reading, outputs, size.map(|s| s as f64)),
         _ => false,
     };
     found.then_some(reach)
 }
 
-/// With centres times `scale`.
 fn lie_in_their_cells(reading: &Reading<'_>, outputs: &[Tensor], scale: [f64; 2]) -> bool {
     let Ok(rows) = rows(reading, outputs, MOST_ANCHORS) else {
         return false;
@@ -126,7 +124,7 @@ fn cells(level: Level) -> impl Iterator<Item = ([f64; 2], f64)> {
 
 /// Class and score of a row that reaches the threshold.
 fn score(row: &[f32], gate: &Gate) -> Option<(usize, f32)> {
-    // No class scores above one, so most rows end here.
+    // Class scores are at most one, so most rows end here.
     if !gate.may_pass(row[BEFORE - 1]) {
         return None;
     }
@@ -135,7 +133,7 @@ fn score(row: &[f32], gate: &Gate) -> Option<(usize, f32)> {
     gate.passes(score).then_some((class, score))
 }
 
-/// The numbers of the one output, if it has up to `most` rows per cell.
+/// The values of the one output, if it has up to `most` rows per cell.
 fn rows<'a>(
     reading: &Reading<'_>,
     outputs: &'a [Tensor],
@@ -176,7 +174,7 @@ mod tests {
         assert_eq!(reading(&card, 416, 320, 0.25).cells(), 2730);
     }
 
-    /// One row per map is set by hand; its box is where its cell is.
+    /// One row per map is set by hand; its box is at its cell.
     #[test]
     fn a_row_is_decoded_by_its_cell() {
         let card = ModelCard::new(Head::Yolox);
@@ -250,7 +248,7 @@ mod tests {
             (10.0, 20.0)
         );
         assert!(boxes_lie_in_their_cells(&reading, &outputs));
-        // Coordinates of a lying image in an upright one.
+        // Landscape coordinates in a portrait input.
         let upright = Reading {
             size: super::super::Size {
                 width: 32,

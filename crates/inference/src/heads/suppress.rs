@@ -1,10 +1,10 @@
-//! Suppression of boxes that say the same.
+//! Non-maximum suppression.
 
 use super::Candidate;
 use std::collections::BTreeMap;
 use stillpoint_detection::BoundingBox;
 
-/// The most boxes that are kept and compared with each other: a network that is sure of a box in every cell must not take seconds.
+/// Maximum number of boxes that are kept and compared: a network with a confident box in every cell must not take seconds.
 const MOST: usize = 1000;
 
 /// The best boxes, best first; equal scores keep their order.
@@ -19,8 +19,8 @@ pub(in super::super) fn sorted(boxes: &[Candidate]) -> Vec<Candidate> {
     order.into_iter().map(|i| boxes[i]).collect()
 }
 
-/// Non-maximum suppression per class: of boxes that overlap by more than `iou` the best stays. Returns them best first; equal
-/// scores keep their order.
+/// Non-maximum suppression per class: of boxes that overlap by more than `iou` the best stays. Returns them best first; equal scores keep
+/// their order.
 pub(in super::super) fn suppress(boxes: &[Candidate], iou: f32) -> Vec<Candidate> {
     let mut of_class: BTreeMap<usize, Vec<BoundingBox>> = BTreeMap::new();
     let mut boxes = sorted(boxes);
@@ -65,7 +65,7 @@ mod tests {
         ];
         let kept = suppress(&boxes, 0.45);
         assert_eq!(kept, [boxes[1], boxes[2], boxes[3]]);
-        // What a suppressed box would have hidden stays.
+        // Suppressed boxes do not suppress others.
         let chain = vec![
             candidate(0, 0.9, 0.0),
             candidate(0, 0.8, 3.0),

@@ -1,11 +1,11 @@
-//! Tensors in a file: whether their numbers are there, and which of them may be shapes.
+//! Tensors in a file: whether their values are present, and which of them may be shapes.
 
 use super::{damaged, field};
 use crate::wire::{fields, varints};
 
-/// Weights of one tensor, where none are there as well: runtimes multiply the sizes of empty tensors, too.
+/// Maximum number of weights of one tensor, also if none are present: runtimes multiply the sizes of empty tensors, too.
 const MOST_ELEMENTS: u128 = 1 << 31;
-/// Numbers of a constant that may be a shape.
+/// Maximum length of a constant that may be a shape.
 const LONGEST_SHAPE: usize = 64;
 
 /// The integers in an attribute, its fields 3 and 8.
@@ -26,7 +26,7 @@ pub(super) fn attribute_integers(attribute: &[u8]) -> Result<Vec<i64>, String> {
     Ok(values)
 }
 
-/// Checks that a tensor holds as many numbers as its sizes say, and gives them where they may be a shape.
+/// Checks that a tensor holds the number of values that its sizes declare, and returns them if they may be a shape.
 pub(super) fn tensor(tensor: &[u8]) -> Result<Option<Vec<i64>>, String> {
     let (mut sizes, mut data) = (Vec::new(), 0_u128);
     let (mut values, mut raw, mut is_int64) = (Vec::new(), None, false);
@@ -46,7 +46,7 @@ pub(super) fn tensor(tensor: &[u8]) -> Result<Option<Vec<i64>>, String> {
             (field::RAW_DATA, _, Some(bytes)) => raw = Some(bytes),
             _ => {}
         }
-        // Whatever the kind of numbers, a byte holds two at most.
+        // For any element type, a byte holds at most two values.
         data += 2 * field.raw.len() as u128;
     }
     let factor = |n: u64| u128::from(n.max(1));

@@ -11,7 +11,6 @@ fn node(operator: &str, inputs: &[&str], output: &str) -> Message {
     node.field(2, output).field(4, operator)
 }
 
-/// Integers as a weight.
 fn integers(name: &str, values: &[i64]) -> Message {
     let raw: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
     Message::new()
@@ -66,7 +65,7 @@ fn long_chains_and_deep_nests_are_refused() {
     };
     assert_eq!(check(&model(&beside(MOST_NODES))), Ok(()));
     assert!(refusal(&beside(MOST_NODES + 1)).contains("over 16384 nodes"));
-    // The same chain, told from its end.
+    // The same chain in reverse order.
     let backwards = Message::new()
         .message(1, &node("Relu", &["x1"], "x2"))
         .message(1, &node("Relu", &["x0"], "x1"));
@@ -178,7 +177,7 @@ fn what_multiplies_itself_is_refused() {
 }
 
 proptest! {
-    /// Whatever the bytes, checking ends.
+    /// Checking terminates for any bytes.
     #[test]
     fn any_bytes_are_checked(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
         let _ = check(&bytes);

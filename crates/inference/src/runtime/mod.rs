@@ -1,5 +1,5 @@
-//! What runs a network. A runtime takes a model's bytes and the planes of an image, and gives the outputs' numbers; what they
-//! mean is the heads' business.
+//! Runtimes of networks. A runtime takes a model's bytes and the planes of an image, and returns the output values; the heads interpret
+//! them.
 
 #[cfg(feature = "onnxruntime")]
 mod onnxruntime;
@@ -12,22 +12,22 @@ pub use rten::is_expected;
 #[cfg(feature = "onnxruntime")]
 pub use onnxruntime::{OnnxRuntime, RuntimeError};
 
-/// Which runtime runs a network.
+/// Selects the runtime.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Runtime {
-    /// `rten`: pure Rust, always there.
+    /// `rten`: pure Rust, always available.
     #[default]
     Rten,
-    /// ONNX Runtime: two to three times as fast, where its shared library is installed.
+    /// ONNX Runtime: two to three times as fast, if its shared library is installed.
     #[cfg(feature = "onnxruntime")]
     OnnxRuntime(OnnxRuntime),
 }
 
-/// Numbers in rows, planes and so on: `shape`'s last dimension runs fastest.
+/// An array of values; `shape`'s last dimension runs fastest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Tensor {
-    /// Of the output in the graph; empty until the network names it.
+    /// Name of the output in the graph; empty until the network sets it.
     pub(super) name: String,
     pub(super) shape: Vec<usize>,
     pub(super) data: Vec<f32>,
@@ -35,20 +35,20 @@ pub(super) struct Tensor {
 
 /// A loaded model that is ready to run.
 pub(super) trait Session: Send {
-    /// All outputs in the model's order for an input of 1 x 3 x `height` x `width` numbers; outputs of integers as floats.
+    /// All outputs in the model's order for an input of 1 x 3 x `height` x `width` values; integer outputs as floats.
     ///
     /// # Errors
-    /// What the runtime said, on one line.
+    /// Error of the runtime, on one line.
     fn run(&mut self, planes: &[f32], width: usize, height: usize) -> Result<Vec<Tensor>, String>;
 
     /// The runtime with its version, e.g. `rten 0.27.0`.
     fn runtime(&self) -> &str;
 }
 
-/// Loads a model whose image goes into `input`, for this many threads.
+/// Loads a model with the image input `input`, for this many threads.
 ///
 /// # Errors
-/// What the runtime said, on one line.
+/// Error of the runtime, on one line.
 pub(super) fn load(
     bytes: Vec<u8>,
     input: &str,
@@ -64,7 +64,6 @@ pub(super) fn load(
     })
 }
 
-/// A reason as part of a one-line message.
 fn one_line(reason: &dyn std::fmt::Display) -> String {
     reason
         .to_string()

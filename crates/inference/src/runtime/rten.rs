@@ -1,4 +1,4 @@
-//! `rten`: pure Rust, needs no library of the system, always there.
+//! `rten`: pure Rust, needs no library of the system, always available.
 
 use super::{Session, Tensor, one_line};
 use rten::{Model, NodeId, RunOptions, ThreadPool, Value, ValueView};
@@ -8,20 +8,19 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// As summaries name it; a test holds it against Cargo.lock.
+/// Name in summaries; a test compares it with Cargo.lock.
 const RUNTIME: &str = "rten 0.27.0";
 
-/// A model in `rten`.
 pub(super) struct RtenSession {
     model: Model,
     input: NodeId,
     pool: Arc<ThreadPool>,
-    /// What it panicked with: it may be in any state since.
+    /// The message of a panic, after which its state is undefined.
     broken: Option<String>,
 }
 
 impl RtenSession {
-    /// Loads a model whose image goes into `input`.
+    /// Loads a model with the image input `input`.
     pub(super) fn load(bytes: Vec<u8>, input: &str, threads: usize) -> Result<Self, String> {
         let model = guarded(|| Model::load(bytes).map_err(|e| one_line(&e))).unwrap_or_else(Err)?;
         let input = model.node_id(input).map_err(|e| one_line(&e))?;
@@ -33,7 +32,7 @@ impl RtenSession {
         })
     }
 
-    /// Does something with the model, unless it panicked before.
+    /// Runs `work` on the model, unless it panicked before.
     fn attempt<T>(&mut self, work: impl FnOnce(&Self) -> Result<T, String>) -> Result<T, String> {
         if let Some(panic) = &self.broken {
             return Err(panic.clone());
@@ -45,7 +44,7 @@ impl RtenSession {
     }
 }
 
-/// What some work gives, or what it panicked with, on one line: on graphs that contradict themselves `rten` may.
+/// The result of some work, or its panic as a one-line message: `rten` may panic on inconsistent graphs.
 fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     GUARDED.fetch_add(1, Ordering::SeqCst);
     // Unwinding is safe here: the caller discards everything that the work touched.
@@ -54,17 +53,16 @@ fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     done.map_err(|panic| format!("a panic: {}", said(&*panic)))
 }
 
-/// Networks at work whose panics become errors.
+/// Number of running networks whose panics become errors.
 static GUARDED: AtomicUsize = AtomicUsize::new(0);
 
-/// Whether a panic in this source file is to be expected now: a runtime is at work on a network, some of which it panics on, and the
-/// file is none of this project. It becomes an error that says what it was, so that a program's panic hook has nothing to print.
+/// Whether a panic in this source file is expected: a runtime is running a network, some of which make it panic, and the file is not part
+/// of this project. The panic becomes an error with its message, so a program's panic hook should print nothing.
 #[must_use]
 pub fn is_expected(file: &str) -> bool {
     GUARDED.load(Ordering::SeqCst) > 0 && !file.starts_with("crates/")
 }
 
-/// The message of a panic.
 fn said(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().copied();
     match text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)) {
@@ -95,7 +93,6 @@ impl Session for RtenSession {
     }
 }
 
-/// An output's numbers.
 fn tensor(value: Value) -> Result<Tensor, String> {
     let shape = value.shape().to_vec();
     let data = match value {

@@ -1,11 +1,10 @@
-//! Runtimes on small networks made here. ONNX Runtime takes part where `ORT_DYLIB_PATH` names its library.
-// A test may look for its library; the crate may not.
+//! Runtimes on small networks made here. ONNX Runtime is included if `ORT_DYLIB_PATH` names its library.
+// Tests may search for the library; the crate may not.
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)]
 
 use super::*;
 use crate::wire::Message;
 
-/// All runtimes that this machine has.
 #[cfg_attr(not(feature = "onnxruntime"), allow(unused_mut))]
 fn runtimes() -> Vec<Runtime> {
     let mut found = vec![Runtime::Rten];
@@ -19,7 +18,6 @@ fn runtimes() -> Vec<Runtime> {
     found
 }
 
-/// Numbers without pattern, -1 to 1.
 fn noise(count: usize, mut state: u32) -> Vec<f32> {
     (0..count)
         .map(|_| {
@@ -47,7 +45,7 @@ fn node(operator: &str, input: &[&str], output: &str) -> Message {
     inputs.field(2, output).field(4, operator)
 }
 
-/// A graph of these nodes with a convolution of 3 x 3 to 8 channels in front, whose result is `c`.
+/// A graph of these nodes after a convolution of 3 x 3 to 8 channels, whose result is `c`.
 fn network(nodes: &[Message], outputs: &[(&str, u64)]) -> Vec<u8> {
     let bytes =
         |values: Vec<f32>| -> Vec<u8> { values.iter().flat_map(|v| v.to_le_bytes()).collect() };
@@ -60,7 +58,7 @@ fn network(nodes: &[Message], outputs: &[(&str, u64)]) -> Vec<u8> {
         .field(9, bytes(noise(216, 1)));
     let bias = Message::new().integer(1, 8).integer(2, 1).field(8, "b");
     let bias = bias.field(9, bytes(noise(8, 2)));
-    // `rten` wants attributes that have defaults.
+    // `rten` requires attributes that have defaults.
     let integers = |name: &str, values: &[u64]| {
         let attribute = Message::new().field(1, name).integer(20, 7);
         values.iter().fold(attribute, |a, &v| a.integer(8, v))
@@ -98,7 +96,7 @@ pub(super) fn scores() -> Vec<u8> {
     )
 }
 
-/// What the network should give: computed in the plain way.
+/// The network's expected output, computed directly.
 fn expected(planes: &[f32], width: usize, height: usize) -> Vec<f32> {
     let (weights, bias) = (noise(216, 1), noise(8, 2));
     let mut scores = Vec::new();
@@ -185,7 +183,7 @@ fn what_does_not_work_says_why_on_one_line() {
         assert!(reasons[0].contains("NoSuchOperator"), "{}", reasons[0]);
         assert!(reasons[1].contains("another"), "{}", reasons[1]);
         let mut session = load(scores(), "image", 1, &runtime).unwrap();
-        // Smaller than the convolution; and planes that are not of the size.
+        // Smaller than the convolution; and planes of the wrong size.
         let small = session.run(&noise(12, 0), 2, 2).unwrap_err();
         let short = session.run(&noise(12, 0), 3, 3).unwrap_err();
         for reason in reasons.iter().chain([&small, &short]) {
@@ -199,7 +197,7 @@ fn what_does_not_work_says_why_on_one_line() {
 #[test]
 fn booleans_are_refused_or_numbers() {
     for runtime in runtimes() {
-        // Whether each is larger than itself: booleans, which `rten` keeps as integers.
+        // Compares each with itself: booleans, which `rten` keeps as integers.
         let model = network(&[node("Greater", &["c", "c"], "x")], &[("x", 9)]);
         let mut session = load(model, "image", 1, &runtime).unwrap();
         let result = session.run(&noise(27, 0), 3, 3);

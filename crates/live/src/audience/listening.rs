@@ -1,4 +1,4 @@
-//! Subscribers on threads of their own, and what becomes of one that does not come to its end.
+//! Subscribers on their own threads, and the handling of hanging ones.
 
 use super::{Events, Queue};
 use crate::threads::join;
@@ -9,35 +9,35 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use stillpoint_slam::Subscriber;
 
-/// A subscriber on a thread of its own, to be had back when the run is over.
+/// A subscriber on its own thread, which is returned after the run.
 pub struct Subscribed<S> {
     done: Receiver<Result<S, String>>,
 }
 
 impl<S> Subscribed<S> {
-    /// Waits until the run is over and the subscriber has received everything, and gives it back.
+    /// Waits until the run is over and the subscriber has received everything, and returns it.
     ///
     /// # Errors
-    /// Why it panicked, if it did, or that it took too long over an event when the run ended. The run went on without it.
+    /// It panicked, or took too long for an event at the end of the run, which continued without it.
     pub fn join(self) -> Result<S, String> {
         let gone = || Err("its thread ended".to_owned());
         self.done.recv().unwrap_or_else(|_| gone())
     }
 }
 
-/// A subscriber's thread, as the run sees it.
+/// A subscriber's thread, as seen by the run.
 pub(crate) struct Listening {
     queue: Queue,
     thread: JoinHandle<()>,
-    /// Says nothing, and ends with the thread.
+    /// Never receives; disconnected when the thread ends.
     over: Receiver<()>,
-    /// Answers in the thread's place.
+    /// Reports the failure on behalf of the thread.
     give_up: Box<dyn FnOnce() + Send>,
 }
 
 impl Listening {
-    /// Waits until the subscriber has received all that waits, after the queue was closed. One that takes no further event for so
-    /// long is left to itself, and has missed the rest.
+    /// After the queue was closed, waits until the subscriber has received all pending events. If it takes no further event for `patience`,
+    /// it is abandoned and misses the rest.
     pub(crate) fn finish(self, patience: Duration) {
         let taken = || self.queue.look(|q| q.taken);
         loop {
@@ -53,7 +53,6 @@ impl Listening {
     }
 }
 
-/// Starts the thread of a subscriber.
 pub(crate) fn start<S: Subscriber + Send + 'static>(
     name: &str,
     events: Events,
@@ -73,7 +72,7 @@ pub(crate) fn start<S: Subscriber + Send + 'static>(
             events.iter().for_each(|event| subscriber.receive(&event));
         }));
         let end = listened.map(|()| subscriber);
-        // Nobody may want it back, or it was given up.
+        // The receiver may be gone, or the subscriber was abandoned.
         let _ = sender.try_send(end.map_err(|panic| crate::health::reason_of(panic.as_ref())));
     })?;
     let listening = Listening {

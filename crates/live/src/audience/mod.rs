@@ -1,7 +1,7 @@
-//! Listeners of a live run: a queue for each, and a thread for those that want one.
+//! Delivers the events of a live run to subscribers: a queue for each, and a thread on request.
 //!
-//! Answers: how events reach subscribers without any stage ever waiting for one. A stage puts an event into every queue and goes on; what
-//! finds no room there is left out by the rule that the subscriber chose, and counted.
+//! No stage ever waits for a subscriber. A stage puts an event into every queue and continues; events that do not fit are dropped by the
+//! subscriber's rule, and counted.
 
 mod listening;
 
@@ -15,15 +15,14 @@ use std::sync::Arc;
 use std::time::Duration;
 use stillpoint_slam::{Event, FrameEvent};
 
-/// What a subscriber of a live run is to receive, and what happens when it falls behind.
+/// The events that a subscriber receives, and the rule for dropping when it falls behind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Delivery {
     rule: Rule,
-    /// Events that wait, at most; with [`Rule::Newest`] so many of each kind.
+    /// Maximum number of queued events; with [`Rule::Newest`] of each kind.
     events: usize,
-    /// Of these, frames with their image.
     images: usize,
-    /// Every so many frames bring their image.
+    /// Images are delivered with every n-th frame.
     every: usize,
 }
 
@@ -34,8 +33,8 @@ enum Rule {
 }
 
 impl Delivery {
-    /// Every event in order, as long as no more than so many wait (at least 1); those that find no room are left out. Without images.
-    /// For listeners that count or write. At 30 Hz, 4096 events are about a minute.
+    /// Every event in order, unless `events` of them (at least 1) are queued; further ones are dropped. Without images. For subscribers
+    /// that count or write. At 30 Hz, 4096 events are about a minute.
     #[must_use]
     pub fn until_full(events: usize) -> Self {
         Self {
@@ -46,8 +45,8 @@ impl Delivery {
         }
     }
 
-    /// The newest `events` of each kind (at least 1); older ones are dropped. Without images. For listeners that show the
-    /// current state.
+    /// The newest `events` of each kind (at least 1); older ones are dropped. Without images. For subscribers that display the current
+    /// state.
     #[must_use]
     pub fn newest(events: usize) -> Self {
         Self {
@@ -56,9 +55,9 @@ impl Delivery {
         }
     }
 
-    /// With the image of every `every`-th frame that is tracked, from the first on; no more than so many wait. With
-    /// [`Delivery::until_full`] a frame comes without its image where that would be one too many; with [`Delivery::newest`] older frames
-    /// give way. An image of 640x480 with depth and colour takes 2.4 MB.
+    /// With the image of every `every`-th tracked frame, from the first on; at most `images` are queued. Beyond that, with
+    /// [`Delivery::until_full`] a frame comes without its image; with [`Delivery::newest`] older frames are dropped. An image of 640x480
+    /// with depth and colour takes 2.4 MB.
     #[must_use]
     pub fn with_images(mut self, images: usize, every: usize) -> Self {
         (self.images, self.every) = (images, every.max(1));
@@ -66,29 +65,26 @@ impl Delivery {
     }
 }
 
-/// Events that wait for one subscriber.
 struct Waiting {
     delivery: Delivery,
     events: VecDeque<Event>,
-    /// Of these, frames with their image.
+    /// Number of queued frames with their image.
     images: usize,
-    /// Frames that came.
     frames: usize,
     missed: Missed,
-    /// Events that were taken.
     taken: u64,
 }
 
-/// What did not reach a subscriber because it was too slow.
+/// Events and images that a subscriber missed because it was too slow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Missed {
-    /// Events that were left out.
+    /// Number of dropped events.
     pub events: u64,
-    /// Frames that came without their image.
+    /// Number of frames delivered without their image.
     pub images: u64,
 }
 
-/// An event on its way to several queues: with its image, and without it once one of them wants it so.
+/// An event offered to several queues; a copy without the image is made on demand.
 struct Offer<'a> {
     event: &'a Event,
     bare: Option<Event>,
@@ -125,7 +121,7 @@ impl Waiting {
         }
     }
 
-    /// Takes an event in, or leaves out what the rule says.
+    /// Queues an event, or drops one by the rule.
     fn offer(&mut self, offer: &mut Offer<'_>) {
         let wants_image = self.wants_image(offer.event);
         match self.delivery.rule {
@@ -157,7 +153,7 @@ impl Waiting {
         turn && self.delivery.images > 0 && has_image(event)
     }
 
-    /// Leaves out the oldest events of the same kind, until there is room for one more.
+    /// Drops the oldest events of the same kind until one more fits.
     fn make_room(&mut self, event: &Event, wants_image: bool) {
         let kind = discriminant(event);
         loop {
@@ -181,15 +177,14 @@ impl Waiting {
         Some(event)
     }
 
-    /// Leaves out all that waits.
     fn give_up(&mut self) {
         self.missed.events += self.events.len() as u64;
         self.events.clear();
         self.images = 0;
     }
 
-    /// Whether the events of some more frames find room, with their images. Three of them: one is tracked, one waits for that, one is to come; each may bring
-    /// eight events with it.
+    /// Whether the events of some more frames fit, with their images. Three frames: one is being tracked, one is queued, one is coming;
+    /// each may cause eight events.
     fn has_room(&self) -> bool {
         const FRAMES: usize = 3;
         let fits =
@@ -202,12 +197,11 @@ impl Waiting {
 
 type Queue = Arc<Mailbox<Waiting>>;
 
-/// Everyone who listens to a run.
 #[derive(Default)]
 pub(crate) struct Audience(Mailbox<Vec<(String, Queue)>>);
 
 impl Audience {
-    /// Tells everyone. Waits for nobody.
+    /// Publishes an event without waiting.
     pub(crate) fn publish(&self, event: &Event) {
         let mut offer = Offer { event, bare: None };
         self.0.look(|queues| {
@@ -217,7 +211,7 @@ impl Audience {
         });
     }
 
-    /// A new listener, who gets what comes from now on.
+    /// Adds a subscriber for events from now on.
     pub(crate) fn listen(&self, name: &str, delivery: Delivery) -> Events {
         let queue = Arc::new(Mailbox::new(Waiting::new(delivery)));
         let kept = Arc::clone(&queue);
@@ -225,7 +219,7 @@ impl Audience {
         Events { queue }
     }
 
-    /// Waits until everyone who is to get every event has room for those of the next frame.
+    /// Waits until every complete subscription has room for the events of the next frame.
     pub(crate) fn wait_for_room(&self) {
         let queues: Vec<Queue> = self.0.look(|all| all.iter().map(|q| q.1.clone()).collect());
         for queue in queues {
@@ -233,41 +227,41 @@ impl Audience {
         }
     }
 
-    /// Nothing more comes: every listener ends once it has what waits.
+    /// Ends the stream: every subscriber ends after its pending events.
     pub(crate) fn close(&self) {
         self.0
             .look(|queues| queues.iter().for_each(|q| q.1.close()));
     }
 
-    /// What each listener missed so far, by name, in the order in which they came.
+    /// Missed events of each subscriber, by name, in the order of subscription.
     pub(crate) fn missed(&self) -> Vec<(String, Missed)> {
         let missed = |(name, queue): &(String, Queue)| (name.clone(), queue.look(|q| q.missed));
         self.0.look(|queues| queues.iter().map(missed).collect())
     }
 }
 
-/// Events of a live run as they happen, for callers that poll. They end with the run, or when this is dropped.
+/// Events of a live run, for polling. They end with the run, or when this is dropped.
 pub struct Events {
     queue: Queue,
 }
 
 impl Events {
-    /// Waits for the next event; none when the run is over and all were taken.
+    /// Waits for the next event; `None` when the run is over and all were taken.
     pub fn recv(&self) -> Option<Event> {
         self.queue.take(Waiting::next)
     }
 
-    /// The next event if one is there by then.
+    /// The next event within a time.
     pub fn recv_within(&self, time: Duration) -> Option<Event> {
         self.queue.take_within(time, Waiting::next)
     }
 
-    /// The next event if one is there.
+    /// The next event if available.
     pub fn try_recv(&self) -> Option<Event> {
         self.queue.change(Waiting::next)
     }
 
-    /// The events that are there.
+    /// The available events.
     pub fn try_iter(&self) -> impl Iterator<Item = Event> {
         std::iter::from_fn(|| self.try_recv())
     }
@@ -277,7 +271,7 @@ impl Events {
         std::iter::from_fn(|| self.recv())
     }
 
-    /// What was left out so far.
+    /// Number of events and images missed.
     #[must_use]
     pub fn missed(&self) -> Missed {
         self.queue.look(|q| q.missed)
@@ -287,7 +281,7 @@ impl Events {
 impl Drop for Events {
     fn drop(&mut self) {
         self.queue.close();
-        // What still waits may hold images.
+        // Pending events may hold images.
         self.queue.change(|q| q.events.clear());
     }
 }

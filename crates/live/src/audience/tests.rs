@@ -1,4 +1,4 @@
-//! Queues of subscribers: what waits, what is left out, and what is counted.
+//! Queues of subscribers: queueing, dropping, and counting.
 
 use super::*;
 use std::sync::mpsc::channel;
@@ -62,7 +62,7 @@ fn tracked(n: u32) -> Event {
     }))
 }
 
-/// The events that wait: `d` and `f` for detections and frames with their numbers, `F` for a frame with its image.
+/// The queued events: `d` and `f` for detections and frames with their numbers, `F` for a frame with its image.
 fn waiting(events: &Events) -> String {
     let named = |event: Event| match event {
         Event::Detected(d) => format!("d{}", d.frame.0),
@@ -102,10 +102,10 @@ fn the_newest_of_each_kind_comes_and_older_ones_give_way() {
         audience.publish(&detected(n));
         audience.publish(&tracked(n));
     }
-    // One image at a time: an older frame gives way to one with its image.
+    // One image at a time: an older frame is dropped for one with its image.
     assert_eq!(waiting(&events), "d2 d3 F3");
     assert_eq!(missed(&events), (2 + 3, 0));
-    // What was taken makes room.
+    // Taking an event makes room.
     audience.publish(&tracked(4));
     assert_eq!(waiting(&events), "F4");
 }
@@ -124,7 +124,7 @@ fn images_are_bounded_by_their_number_and_come_for_every_so_many_frames() {
     audience.publish(&tracked(12));
     audience.publish(&tracked(13));
     assert_eq!(waiting(&events), "f10 f12 F13");
-    // Who wants no images misses none.
+    // A subscriber without images misses none.
     assert!(!waiting(&others).contains('F'));
     assert_eq!(missed(&others), (0, 0));
 }
@@ -174,7 +174,7 @@ fn a_subscriber_that_hangs_is_given_up_and_what_waits_for_it_is_counted() {
     let (release, released) = channel::<()>();
     let subscriber = OnEvent(move |_: &Event| {
         hangs.send(()).unwrap();
-        // Until the test lets go.
+        // Until the test releases it.
         let _ = released.recv();
     });
     let events = audience.listen("hanging", Delivery::until_full(4));
@@ -186,10 +186,10 @@ fn a_subscriber_that_hangs_is_given_up_and_what_waits_for_it_is_counted() {
     }
     audience.close();
     listening.finish(Duration::ZERO);
-    // One was taken, four waited, three found no room.
+    // One was taken, four were queued, three did not fit.
     assert_eq!(audience.missed()[0].1.events, 3 + 4);
     assert!(subscribed.join().err().unwrap().contains("given up"));
-    // It comes back and receives nothing more: its end lets go of the sender.
+    // It resumes and receives nothing more; its end drops the sender.
     drop(release);
     assert!(hanging.recv().is_err());
 }

@@ -1,4 +1,4 @@
-//! The thread of tracking.
+//! The tracking thread.
 
 use super::Desk;
 use crate::backoff::Backoff;
@@ -12,32 +12,27 @@ use std::time::Instant;
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_slam::{HealthMonitor, LogEntry, MapperMsg, Retracer, Tracker, routing};
 
-/// Tracking.
 pub(crate) struct TrackingWorker {
     pub(crate) desk: Desk,
     pub(crate) tracker: Tracker,
     retracer: Retracer,
     health: HealthMonitor,
-    /// The detector is shown every so many frames.
+    /// Every n-th frame is sent to the detector.
     pub(crate) stride: u64,
-    /// What a frame may take; none without a limit.
     pub(crate) budget: Option<Budget>,
-    /// Lets detection rest where that is too much.
+    /// Limits the detector's share of the time.
     backoff: Backoff,
     pub(crate) frames: Vec<FrameTiming>,
     pub(crate) detections: Vec<AnswerTiming>,
-    /// Frames taken.
     taken: u64,
-    /// Stamp of the newest detections.
     seen: Option<f64>,
     /// When the view in use was published.
     view_at: Option<Instant>,
-    /// Keyframes that the view in use holds, of those sent.
+    /// Number of sent keyframes contained in the view in use.
     mapped: u64,
     sent: u64,
-    /// What of the trajectory was passed on.
     passed_on: PassedOn,
-    /// Frames that the trajectory remembers; none: all.
+    /// Number of frames kept in the trajectory; `None` for all.
     pub(crate) keep_frames: Option<usize>,
 }
 
@@ -68,7 +63,6 @@ impl TrackingWorker {
         }
     }
 
-    /// Tracks until the stream ends.
     pub(crate) fn run(&mut self) -> WorkerEnd {
         let boxes = Arc::clone(&self.desk.boxes);
         let end = guarded(&boxes, Stage::Tracking, || {
@@ -154,7 +148,7 @@ impl TrackingWorker {
         }
     }
 
-    /// No further frame comes: the first frames of the map are tracked again to the end, where that was not over.
+    /// At the end of the stream, completes the repeated tracking of the map's first frames.
     fn end_stream(&mut self) {
         if self.retracer.is_on_the_way() {
             self.desk.recorder.took(LogEntry::TrackEnd);
@@ -165,7 +159,6 @@ impl TrackingWorker {
         }
     }
 
-    /// Lets others have the trajectory.
     fn pass_on(&mut self) {
         let trajectory = self.tracker.trajectory();
         let tracked = &self.desk.boxes.tracked;
@@ -173,7 +166,7 @@ impl TrackingWorker {
         self.passed_on = PassedOn::of(trajectory);
     }
 
-    /// Takes what came since the frame before, in the order of the inline driver.
+    /// Processes the messages since the previous frame, in the order of the inline driver.
     fn take_news(&mut self, news: TrackingBox, next: &RgbdFrame) {
         if let Some(published) = news.view {
             let answer = published.answer;

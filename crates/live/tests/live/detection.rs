@@ -1,4 +1,4 @@
-//! Detectors that do something unusual, and when a detector is asked at all.
+//! Faulty detectors, and when a detector is called.
 
 use super::world::{frames, stages};
 use super::{assert_all_finished, assert_reproduced, run, unhurried};
@@ -11,7 +11,7 @@ use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_live::{Delivery, LiveOptions, LiveSystem, Stage, WorkerEnd};
 use stillpoint_slam::{Event, LogEntry};
 
-/// What a detector says that sees nothing.
+/// The answer of a detector without detections.
 fn nothing(frame: &RgbdFrame) -> Result<Detections, DetectError> {
     Ok(Detections {
         frame: frame.id,
@@ -20,7 +20,7 @@ fn nothing(frame: &RgbdFrame) -> Result<Detections, DetectError> {
     })
 }
 
-/// A detector that does something unusual when it is asked for the third time.
+/// A detector that misbehaves at its third call.
 pub(crate) struct Odd(
     pub(crate) u32,
     pub(crate) fn(&RgbdFrame) -> Result<Detections, DetectError>,
@@ -83,13 +83,13 @@ fn a_run_of_days_remembers_its_newest_frames_alone() {
     assert_eq!(entries.last().map(|e| e.frame), last);
     let newest = result.trajectory.resolve(&result.view).count();
     assert_eq!(newest, entries.len());
-    // With a log all are there: it says what the whole trajectory was.
+    // With a log all are kept: its digest covers the whole trajectory.
     let (result, received) = run(None, forgetful(true), 2);
     assert_eq!(result.trajectory.entries().len(), frames().len());
     assert_reproduced(&result, &received);
 }
 
-/// Says when it is asked, and hangs the third time.
+/// Reports each call, and hangs at the third.
 struct Hanging {
     asked: u32,
     says: Sender<()>,
@@ -114,7 +114,7 @@ impl Detector for Hanging {
 
 #[test]
 fn a_detector_that_hangs_is_given_up() {
-    // Tracking waits until it was asked three times, so it hangs whatever the machine does meanwhile, and no time has to pass.
+    // Tracking waits for three calls, so that it hangs independent of timing.
     let (says, asked) = channel();
     let (asked, messages) = (Mutex::new(asked), AtomicU32::new(0));
     let options = LiveOptions {
@@ -152,10 +152,9 @@ fn what_a_detector_failed_at_is_in_the_log() {
     assert_reproduced(&result, &received);
 }
 
-/// A detector that takes a while, and notes when it was asked for which frame.
+/// A slow detector that records the time and frame of each call.
 struct Slow(Arc<Mutex<Vec<(FrameId, Instant)>>>);
 
-/// So long.
 const WHILE: Duration = Duration::from_millis(10);
 
 impl Detector for Slow {
@@ -170,10 +169,10 @@ impl Detector for Slow {
     }
 }
 
-/// Where frames are dropped, the detector soon works no more than a quarter of the time.
+/// When frames are dropped, the detector soon works at most a quarter of the time.
 #[test]
 fn a_detector_rests_where_frames_are_dropped() {
-    // The shortest time between two frames that it looked at, as of the frame that was the second to follow dropped ones.
+    // The shortest time between two of its frames, from the second frame after dropped ones on.
     let shortest = |tracking_sleeps: Duration| {
         let asked = Arc::default();
         let options = LiveOptions {
@@ -198,7 +197,7 @@ fn a_detector_rests_where_frames_are_dropped() {
     };
     let gap = shortest(4 * WHILE);
     assert!(gap >= 4 * WHILE, "{gap:?}");
-    // Control: it works all the time where none is dropped.
+    // Control: without drops it works all the time.
     let gap = shortest(Duration::ZERO);
     assert!(gap < 4 * WHILE, "{gap:?}");
 }
@@ -214,7 +213,7 @@ fn what_the_caller_saw_reaches_tracking_with_its_frame() {
     for frame in &frames()[..6] {
         assert!(live.tell(nothing(frame).unwrap()));
         assert!(live.push(frame.clone()));
-        // What is told later would be taken with this frame, if that waits still.
+        // Later detections would be taken with this frame, if that is still queued.
         let of = |event: Option<Event>| match event.unwrap() {
             Event::Detected(d) => Some(("detected", d.frame)),
             Event::Frame(f) => Some(("frame", f.report.frame)),

@@ -1,4 +1,4 @@
-//! What a watch says of a run: from outside, whatever the threads do.
+//! A watch observes a run from outside, whatever the threads do.
 
 use super::detection::Odd;
 use super::unhurried;
@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 use stillpoint_live::{Hook, LiveHealth, LiveOptions, LiveSystem, Stage, ThreadState, Watch};
 
-/// Looks until what it sees is as wished.
+/// Polls until the state is as wished.
 fn wait_for(watch: &Watch, wished: impl Fn(&LiveHealth) -> bool) -> LiveHealth {
     loop {
         let health = watch.health();
@@ -41,7 +41,7 @@ fn a_thread_that_hangs_is_seen_while_the_others_run() {
             std::thread::sleep(Duration::from_millis(2));
         }
         let last = frames()[frames().len() - 1].id;
-        // The others may be late themselves, on a machine with much to do.
+        // The other threads may be late on a busy machine.
         let seen = wait_for(&watch, |h| {
             let newest = h.health.as_ref().map(|h| h.frame);
             let mut troubles = h.troubles().map(|t| t.0);

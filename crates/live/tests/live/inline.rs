@@ -1,4 +1,4 @@
-//! Inline runs: what they say is complete, in the order of their logs, and their logs give the same again, bit for bit.
+//! Inline runs: events are complete and in the order of the log, and logs reproduce runs bit for bit.
 
 use super::world::{self, Checked, Frames, frames, scripted};
 use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo};
@@ -22,7 +22,7 @@ impl Detector for Fails {
     }
 }
 
-/// Everything that a run said, in order.
+/// All events of a run, in order.
 #[derive(Default)]
 struct Received {
     events: Vec<Event>,
@@ -31,7 +31,7 @@ struct Received {
 
 impl Subscriber for Received {
     fn receive(&mut self, event: &Event) {
-        // The order that all drivers keep.
+        // The order that all drivers guarantee.
         self.checked.take(event);
         self.events.push(event.clone());
     }
@@ -41,7 +41,7 @@ fn text(events: &[Event]) -> Vec<String> {
     events.iter().map(|e| format!("{e:?}")).collect()
 }
 
-/// Runs frames through a system with a log, to the end.
+/// Runs all frames through a system with a log.
 fn run(mut system: System, frames: &[RgbdFrame]) -> (System, Received) {
     let mut received = Received::default();
     for frame in frames {
@@ -55,7 +55,7 @@ fn bytes(map: &Map) -> Vec<u8> {
     map.to_bytes(&[]).unwrap()
 }
 
-/// The log of a run, as a text and back, gives its events in their order, its trajectory and its map.
+/// A run's log, after a text round trip, reproduces events, trajectory and map.
 fn assert_replayed(system: System, received: &Received, stages: Stages, frames: &[RgbdFrame]) {
     let log = system.log().unwrap();
     let log = RunLog::from_bytes(log.to_text().as_bytes()).unwrap();
@@ -139,7 +139,7 @@ fn a_run_with_a_correction_is_replayed_and_says_what_moved() {
     );
     assert_replayed(system, &received, stages(4), &frames);
 
-    // One that is outstanding when the stream ends is delivered, and reported.
+    // A pending answer at the end of the stream is delivered and reported.
     let mut late = System::from(stages(1000)).with_log();
     let mut received = Received::default();
     for frame in &frames {
@@ -153,7 +153,7 @@ fn a_run_with_a_correction_is_replayed_and_says_what_moved() {
     assert_replayed(late, &received, stages(1000), &frames);
 }
 
-/// A listener needs nothing else: images, reports, health and maps come with the events.
+/// A subscriber gets images, reports, health and maps from the events alone.
 #[test]
 fn events_are_complete() {
     let system = System::from(world::stages()).with_detector(scripted());
@@ -178,7 +178,7 @@ fn events_are_complete() {
         newest = event.view().cloned().or(newest);
     }
     assert_eq!(newest.unwrap().version(), system.view().version());
-    // People have positions in the world and seen from the camera, once their depth was seen.
+    // People have positions in the world and relative to the camera, once their depth was measured.
     let last = received
         .events
         .iter()
@@ -217,7 +217,7 @@ fn what_is_known_can_be_had_at_any_time() {
     }
     system.finish();
     assert!(bytes(system.map()) != now);
-    // Saving changed nothing.
+    // Saving has no effect on the run.
     let (other, _) = run(System::from(world::stages()), frames());
     assert!(bytes(system.map()) == bytes(other.map()));
 }

@@ -1,4 +1,4 @@
-//! Listeners of a live run: what reaches them, what is left out, and that nobody waits for them.
+//! Subscribers of a live run: delivery, dropped events, and that no stage waits for them.
 
 use super::world::{Checked, Frames, frames, replay, scripted, stages, within};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -7,7 +7,6 @@ use stillpoint_live::{Delivery, LiveOptions, LiveSystem};
 use stillpoint_map::Map;
 use stillpoint_slam::{Event, Subscriber};
 
-/// Takes its time over every frame, and counts what came.
 struct Slow {
     pause: Duration,
     frames: u64,
@@ -69,7 +68,7 @@ fn tracking_does_not_wait_for_who_is_slow_and_what_they_miss_is_counted() {
             took,
         )
     });
-    // Had somebody waited, each frame would have taken as long as the slow one takes.
+    // If a stage had waited, each frame would have taken as long as the slow subscriber.
     assert!(
         took < Duration::from_millis(PAUSE) * frames().len() as u32 / 2,
         "{took:?}"
@@ -82,7 +81,7 @@ fn tracking_does_not_wait_for_who_is_slow_and_what_they_miss_is_counted() {
     assert_eq!((nothing.events, nothing.images), (0, 0));
     assert!(missed.events > 0 && slow.frames < tracked as u64);
     assert!(slow.images <= slow.frames);
-    // What listeners did has left no trace in the run.
+    // Subscribers have no effect on the run.
     let (again, received) = replay(stages(), Frames::all(), result.log.clone());
     assert_eq!(received, all);
     assert_eq!(
@@ -136,7 +135,7 @@ fn map_and_trajectory_can_be_had_while_the_run_goes_on() {
         assert_eq!(watch.view().version(), result.view.version());
         (result, received.join().unwrap(), now.unwrap(), watch.map())
     });
-    // The frame before was taken when the next one went in.
+    // The previous frame was taken when the next one was pushed.
     assert!((29..=31).contains(&poses.len()), "{}", poses.len());
     let end = result.trajectory.entries();
     for ((entry, _), last) in poses.iter().zip(end) {
@@ -151,7 +150,7 @@ fn map_and_trajectory_can_be_had_while_the_run_goes_on() {
     assert!(saved.view().keyframe_count() > 0 && saved.check().is_ok());
     assert!(view.version() <= result.view.version());
     assert!(gone.is_none());
-    // Saving left no trace in the run.
+    // Saving has no effect on the run.
     let (again, replayed) = replay(stages(), Frames::all(), result.log.clone());
     assert_eq!(replayed, received);
     let bytes = |map: &Map| map.to_bytes(&[]).unwrap();
@@ -172,13 +171,13 @@ fn who_asks_for_events_gets_them_too() {
         (events.iter().collect::<Vec<Event>>(), waited)
     });
     assert!(waited);
-    // Of each kind the newest, and the last frame is one of them.
+    // The newest of each kind, including the last frame.
     let frames_of = kept.iter().filter_map(Event::as_frame);
     let last: Vec<_> = frames_of.map(|f| f.report.frame).collect();
     assert_eq!(last, [frames().last().unwrap().id]);
 }
 
-/// Hangs at its first event until the test lets go, and says so.
+/// Hangs at its first event until the test releases it, and reports so.
 struct Hanging {
     hangs: Sender<()>,
     released: Receiver<()>,

@@ -1,4 +1,4 @@
-//! Live runs over a simulated scene: whatever the threads and clocks do, the log tells it, and nothing hangs.
+//! Live runs over a simulated scene: the log reproduces any timing of threads, and no run hangs.
 
 mod detection;
 mod health;
@@ -24,7 +24,7 @@ use stillpoint_slam::{
     System,
 };
 
-/// Pushes all frames of the world, with a pause of so many ms after each, and ends the stream.
+/// Pushes all frames of the world, with a pause of `pause` ms after each, and ends the stream.
 fn run(
     detector: Option<Box<dyn Detector>>,
     options: LiveOptions,
@@ -54,7 +54,7 @@ fn push(
     (result, received.unwrap().join().unwrap())
 }
 
-/// The replay of a run over the world's frames says what the run said, and leaves the same map.
+/// A replay over the world's frames gives the same events and the same map.
 fn assert_reproduced(result: &LiveResult, received: &Received) {
     assert_reproduced_by(stages(), Frames::all(), result, received);
 }
@@ -125,7 +125,7 @@ fn what_the_end_of_the_stream_brings_is_reproduced_too() {
         (result, received, frames)
     });
     assert_all_finished(&result);
-    // It ends before the first frames, among people, were tracked again.
+    // It ends before the first frames, with people, were tracked again.
     let tracked = |e: &LogEntry| matches!(e, LogEntry::TrackFrame { .. });
     let entries = &result.log.entries;
     let last = entries.iter().rposition(tracked);
@@ -174,7 +174,7 @@ fn late_frames_are_dropped_and_counted() {
     assert!(s.dropped.len() > 5, "{:?}", s.dropped);
     assert_eq!(s.arrived as usize, frames().len());
     let mut all: Vec<FrameId> = s.frames.iter().map(|f| f.frame).collect();
-    // The newest frame is never the one that is dropped.
+    // The newest frame is never dropped.
     assert_eq!(all.last(), frames().last().map(|f| &f.id));
     all.extend(&s.dropped);
     all.sort_unstable();
@@ -183,7 +183,7 @@ fn late_frames_are_dropped_and_counted() {
     assert_reproduced(&result, &received);
 }
 
-/// Next to no time for a frame, and mapping that is slower than keyframes come: less is done, and the log knows of it.
+/// With hardly any time per frame, and mapping slower than keyframes arrive, less work is done, and the log records it.
 #[test]
 fn less_is_done_where_time_is_short_and_that_is_reproduced() {
     const WANTED: u32 = 800;
@@ -214,7 +214,7 @@ fn less_is_done_where_time_is_short_and_that_is_reproduced() {
     let (features, hurried) = efforts(Some(1e-6), 4);
     assert!(features < WANTED, "{features} of {WANTED}");
     assert!(hurried > 0);
-    // Control: with time for everything, all is done.
+    // Control: with enough time the full effort is used.
     assert_eq!(efforts(Some(10.0), 0).0, WANTED);
     assert_eq!(efforts(None, 0).0, WANTED);
 }
@@ -236,7 +236,7 @@ fn no_frame_is_dropped_when_none_may_be() {
     assert_reproduced(&result, &received);
 }
 
-/// Drops no frame, and waits for a detector that answers, however busy the machine is.
+/// Drops no frame, and waits for a detector that answers, on any machine.
 fn unhurried() -> LiveOptions {
     LiveOptions {
         drop_late: false,
@@ -299,7 +299,7 @@ fn stopping_in_the_middle_keeps_what_was_learned() {
     assert_reproduced(&result, &received);
 }
 
-/// Frames of a camera: they come when they come, whatever their stamps.
+/// Frames of a camera arrive as they come, whatever their stamps.
 struct Camera(Frames);
 
 impl FrameSource for Camera {
@@ -314,7 +314,7 @@ impl FrameSource for Camera {
 
 #[test]
 fn frames_of_a_camera_are_not_held_back() {
-    // Four seconds between two stamps, which a recording is played with.
+    // Four seconds between two stamps; a recording would be played with that delay.
     let mut slow = frames()[..3].to_vec();
     for (i, frame) in slow.iter_mut().enumerate() {
         frame.stamp = 4.0 * i as f64;
@@ -330,7 +330,7 @@ fn frames_of_a_camera_are_not_held_back() {
         (seconds, live.finish().statistics.frames.len())
     });
     assert_eq!(tracked, 3);
-    // A bound on waiting, not on speed: held back it would be eight seconds.
+    // A bound on waiting, not on speed: with that delay it would take eight seconds.
     assert!(seconds < 4.0, "{seconds}");
 }
 
@@ -370,7 +370,7 @@ fn a_log_is_refused_with_other_frames_or_another_configuration() {
     let missing = matches!(e, ReplayError::NoFrame { frame, .. } if frame == FrameId(4));
     assert!(missing, "{e}");
 
-    // One grey image is another.
+    // One grey image differs.
     let mut again = Replay::new(stages(), result.log.clone()).unwrap();
     let mut source = Frames::all();
     source.0[7].gray = source.0[12].gray.clone();

@@ -1,4 +1,4 @@
-//! A simulated walk, its frames in memory, and what is needed to run it live and again.
+//! A simulated walk with its frames in memory, and helpers to run and replay it.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -66,7 +66,7 @@ pub(crate) fn frames() -> &'static [RgbdFrame] {
     &world().frames
 }
 
-/// Mapping waits at each step until tracking has begun so many frames more, or all; but not longer than a minute.
+/// Mapping waits at each step until tracking has taken `frames` more frames, or all; at most a minute.
 pub(crate) fn mapping_falls_behind(frames: u64) -> Hook {
     let tracked = AtomicU64::new(0);
     Arc::new(move |stage| match stage {
@@ -94,7 +94,7 @@ pub(crate) fn stages() -> Stages {
     stages_with(|_| {})
 }
 
-/// Stages for the world's camera, with something set.
+/// Stages for the world's camera, with modified settings.
 pub(crate) fn stages_with(change: impl Fn(&mut Config)) -> Stages {
     let mut config = Config::default();
     config.features.features = 500;
@@ -104,8 +104,8 @@ pub(crate) fn stages_with(change: impl Fn(&mut Config)) -> Stages {
     Stages::new(config, world().camera, Simd::detect()).unwrap()
 }
 
-/// A walk whose lens is covered, uncovered where nothing is known, and that goes back to where it was: a new submap is
-/// begun, and joined to the first by a correction.
+/// A walk whose lens is covered, then uncovered at an unknown place, and that returns to its start: a new submap begins, and a correction
+/// joins it to the first.
 pub(crate) fn there_and_back() -> (Camera, Vec<RgbdFrame>) {
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "loop_two_rooms".to_owned(),
@@ -133,7 +133,7 @@ pub(crate) fn there_and_back() -> (Camera, Vec<RgbdFrame>) {
     (*simulator.camera(), frames)
 }
 
-/// A camera that is switched on among people, and off before it is known for long who moves.
+/// A camera that is switched on among people, and off soon after it is decided which regions move.
 pub(crate) fn crowd() -> (Camera, Vec<RgbdFrame>) {
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "crowd_xyz".to_owned(),
@@ -146,17 +146,16 @@ pub(crate) fn crowd() -> (Camera, Vec<RgbdFrame>) {
     (*simulator.camera(), frames)
 }
 
-/// Stages for a camera.
 pub(crate) fn stages_for(camera: Camera) -> Stages {
     Stages::new(Config::default(), camera, Simd::detect()).unwrap()
 }
 
-/// Stages that begin a new submap soon.
+/// Stages that soon begin a new submap.
 pub(crate) fn stages_for_submaps(camera: Camera) -> Stages {
     stages_for_submaps_with(camera, |_| {})
 }
 
-/// The same, with something set.
+/// Stages that soon begin a new submap, with modified settings.
 pub(crate) fn stages_for_submaps_with(camera: Camera, change: impl Fn(&mut Config)) -> Stages {
     let mut config = Config::default();
     config.tracking.new_submap_seconds = 0.33;
@@ -164,7 +163,6 @@ pub(crate) fn stages_for_submaps_with(camera: Camera, change: impl Fn(&mut Confi
     Stages::new(config, camera, Simd::detect()).unwrap()
 }
 
-/// The frames as a source.
 pub(crate) struct Frames(pub(crate) VecDeque<RgbdFrame>);
 
 impl Frames {
@@ -183,7 +181,7 @@ impl FrameSource for Frames {
     }
 }
 
-/// What a run reported, by stage, checked for its order: only of one stage's events is the order known.
+/// The events of a run, by stage, with their order checked: only events of one stage are ordered.
 #[derive(Debug, Default)]
 pub(crate) struct Checked {
     pub(crate) reports: Vec<FrameReport>,
@@ -193,7 +191,7 @@ pub(crate) struct Checked {
     order: Order,
 }
 
-/// What an event may refer to has been reported before it.
+/// References of an event have been reported before it.
 #[derive(Debug, Default)]
 struct Order {
     frames: BTreeSet<u32>,
@@ -205,7 +203,7 @@ struct Order {
 }
 
 impl Order {
-    /// Checks the order that `Event` states, of a run that began without a map.
+    /// Checks the order stated at `Event`, of a run that began without a map.
     fn check(&mut self, event: &Event) {
         match event {
             Event::Refused(_) | Event::DetectorFailed(_) => {}
@@ -286,7 +284,6 @@ impl PartialEq for Checked {
     }
 }
 
-/// Runs a log again over frames.
 pub(crate) fn replay(stages: Stages, mut frames: Frames, log: RunLog) -> (Replay, Checked) {
     let mut replay = Replay::new(stages, log).unwrap();
     let mut checked = Checked::default();
@@ -295,7 +292,7 @@ pub(crate) fn replay(stages: Stages, mut frames: Frames, log: RunLog) -> (Replay
     (replay, checked)
 }
 
-/// Delays every thread before each of its messages, by up to so many milliseconds; by SplitMix64.
+/// Delays every thread before each of its messages, by up to `most_ms` milliseconds; by SplitMix64.
 pub(crate) fn random_delays(seed: u64, most_ms: u64) -> Hook {
     let state = AtomicU64::new(seed);
     Arc::new(move |_| {
@@ -308,7 +305,7 @@ pub(crate) fn random_delays(seed: u64, most_ms: u64) -> Hook {
     })
 }
 
-/// What `work` gives. A test fails when that takes minutes, instead of hanging itself.
+/// Runs `work`; fails after minutes instead of hanging.
 pub(crate) fn within<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     let (sender, receiver) = channel();
     let thread = std::thread::spawn(move || sender.send(work()));

@@ -1,4 +1,4 @@
-//! How the network is used, as a model card: that of YOLOv7 with the checkpoint's own anchors, strides and classes.
+//! The network's model card: that of YOLOv7 with the checkpoint's own anchors, strides and classes.
 
 use super::error::{ImportError, Result, shown};
 use super::head::Head;
@@ -6,12 +6,12 @@ use super::modules::{Module, Source};
 use stillpoint_detection::ClassId;
 use stillpoint_inference::{Classes, Head as CardHead, ModelCard};
 
-/// Input size that the networks are trained for, px; taken up to the next multiple of the coarsest stride.
+/// Input size of the training, px; rounded up to a multiple of the coarsest stride.
 const TRAINED_SIZE: usize = 640;
-/// Characters of a class's name.
+/// Maximum length of a class name, characters.
 const LONGEST_NAME: usize = 200;
 
-/// Names of the classes, in the order of their numbers: the network's attribute `names`, a list or a dictionary by number.
+/// Names of the classes by number: the network's attribute `names`, a list or a dictionary by number.
 pub(super) fn names(
     source: Source<'_, '_>,
     model: &Module<'_, '_>,
@@ -44,10 +44,10 @@ pub(super) fn names(
     names.collect()
 }
 
-/// The card for a head and its classes' names.
+/// The card for a head and its class names.
 ///
 /// # Errors
-/// What the card's own rules refuse, such as classes of which none is known.
+/// Violations of the card's own rules, such as no known class.
 pub(super) fn card(head: &Head, names: &[String]) -> Result<ModelCard> {
     let mut card = ModelCard::new(CardHead::YoloAnchors);
     let coarsest = head.outputs.last().map_or(1, |o| o.stride);

@@ -1,90 +1,90 @@
-//! What can be wrong with a checkpoint, said so that the user can correct it.
+//! Errors of checkpoints, and their messages.
 
-/// A checkpoint cannot be imported.
+/// Error: a checkpoint cannot be imported.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImportError {
-    /// The bytes are something else.
+    /// Not a checkpoint.
     #[error(
         "expected a checkpoint as PyTorch 1.6 or newer saves it (a zip archive with a data.pkl), found {found}; {advice}"
     )]
     NoCheckpoint {
-        /// What they seem to be.
+        /// Apparent format.
         found: String,
-        /// What to do.
+        /// Remedy.
         advice: &'static str,
     },
-    /// The archive is damaged, or is none that PyTorch writes.
+    /// The archive is damaged, or not written by PyTorch.
     #[error(
         "byte {at} of the file: expected {expected}, found {found}; the file is damaged or was packed by something else than torch.save: get it again"
     )]
     Archive {
-        /// Where in the file.
+        /// Offset in the file.
         at: u64,
-        /// What should be there.
+        /// Expectation.
         expected: &'static str,
-        /// What is there.
+        /// Finding.
         found: String,
     },
-    /// The pickle inside is damaged, or uses what torch.save does not write.
+    /// The pickle is damaged, or uses features that torch.save does not write.
     #[error(
         "byte {at} of data.pkl: expected {expected}, found {found}; the file is damaged or was not made by torch.save: get it again"
     )]
     Pickle {
-        /// Where in the pickle.
+        /// Offset in the pickle.
         at: usize,
-        /// What should be there.
+        /// Expectation.
         expected: &'static str,
-        /// What is there.
+        /// Finding.
         found: String,
     },
-    /// The pickle names a class or function that no checkpoint of a known kind needs. It was not called.
+    /// The pickle names a class or function that no known checkpoint needs. It was not called.
     #[error(
         "byte {at} of data.pkl: expected only tensors and layers of PyTorch and YOLOv7, found `{class}`; nothing was executed. If you do not trust the file, delete it; else save the checkpoint again without this object"
     )]
     Refused {
-        /// Where in the pickle.
+        /// Offset in the pickle.
         at: usize,
         /// Its full name.
         class: String,
     },
-    /// The file asks for more than any checkpoint needs.
+    /// The file exceeds a limit that is ample for any checkpoint.
     #[error(
         "{place}: expected at most {limit} {what}, found more; no checkpoint of a known kind needs as many, so the file is damaged or malicious: get it again"
     )]
     Limit {
-        /// Where it was noticed.
+        /// Place of the excess.
         place: String,
-        /// Of what.
+        /// Kind of the items.
         what: &'static str,
         /// The limit.
         limit: usize,
     },
-    /// A tensor does not fit what is stored.
+    /// A tensor contradicts its stored data.
     #[error(
         "{path}: expected {expected}, found {found}; the file is damaged, or not a checkpoint of a detector: get it again"
     )]
     Tensor {
-        /// Which one, by its path in the module.
+        /// Its path in the module.
         path: String,
-        /// What was expected.
+        /// Expectation.
         expected: String,
-        /// What is there.
+        /// Finding.
         found: String,
     },
-    /// A module is not as its class has it.
+    /// A module differs from its class.
     #[error(
         "{path}: expected {expected}, found {found}; import knows official YOLOv7-tiny checkpoints and networks of the same kinds of layers: export others to ONNX with the project that trained them"
     )]
     Module {
-        /// Which one, by its path.
+        /// Its path.
         path: String,
-        /// What was expected.
+        /// Expectation.
         expected: String,
-        /// What is there.
+        /// Finding.
         found: String,
     },
-    /// The network has kinds of layers that are not known.
+    /// The network has unknown kinds of layers.
     #[error(
         "expected layers of the kinds {}, found also {}; export this network to ONNX with the project that trained it", super::kinds::KNOWN, kinds.join(", ")
     )]
@@ -92,20 +92,19 @@ pub enum ImportError {
         /// Their classes, each once.
         kinds: Vec<String>,
     },
-    /// What the checkpoint says of its boxes and classes makes no sense to a detector.
+    /// The checkpoint's boxes and classes are not usable for a detector.
     #[error(
         "expected a network whose boxes and classes a detector can use, found:\n{}\nexport this network to ONNX with the project that trained it, and write a model card for it", problems.join("\n")
     )]
     Card {
-        /// All of it, in terms of the model card.
+        /// All problems, in terms of the model card.
         problems: Vec<String>,
     },
 }
 
-/// Shorthand of the import's steps.
 pub(super) type Result<T> = std::result::Result<T, ImportError>;
 
-/// Text of unknown origin for a message: short, and without control characters.
+/// Text of unknown origin for a message: shortened, and without control characters.
 pub(super) fn shown(text: &str) -> String {
     const LONGEST: usize = 80;
     let mut shown: String = text

@@ -1,45 +1,34 @@
-//! Convolutions with what follows and precedes them folded into their weights: batch norm, and the implicit parameters of the head.
-//! Sums are taken in double precision, so that the rounding to single precision is the only one.
+//! Folds neighbouring layers into the weights of convolutions: batch norm, and the implicit parameters of the head. Sums use double
+//! precision, so the only rounding is that to single precision.
 
 use super::error::{ImportError, Result};
 use super::modules::Module;
 use super::pickle::{Scalar, Value};
 use super::tensors::Tensor;
 
-/// A convolution with bias.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Convolution {
     /// Weights [outputs, inputs / groups, kernel height, kernel width].
     pub(super) weight: Vec<f32>,
-    /// One per output.
     pub(super) bias: Vec<f32>,
-    /// Channels that come out.
     pub(super) outputs: usize,
-    /// Channels that go in.
     pub(super) inputs: usize,
-    /// Parts into which the channels are divided.
     pub(super) groups: usize,
-    /// Where each window begins and how it moves.
     pub(super) window: Window,
-    /// How the weights were stored.
     pub(super) scalar: Scalar,
 }
 
-/// A window that moves over a map; each pair is vertical, horizontal.
+/// A sliding window; each pair is vertical, horizontal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Window {
-    /// Its size.
     pub(super) kernel: [usize; 2],
-    /// Its steps.
     pub(super) stride: [usize; 2],
-    /// Border on each side.
     pub(super) padding: [usize; 2],
-    /// Distance of its pixels.
     pub(super) dilation: [usize; 2],
 }
 
 impl Window {
-    /// Reads the attributes that convolutions and poolings share.
+    /// Reads the attributes shared by convolutions and poolings.
     pub(super) fn read(module: &Module<'_, '_>) -> Result<Self> {
         let window = Self {
             kernel: module.pair("kernel_size")?,
@@ -69,7 +58,6 @@ impl Window {
 }
 
 impl Convolution {
-    /// An `nn.Conv2d` alone.
     pub(super) fn read(module: &Module<'_, '_>) -> Result<Self> {
         if module.class.path() != "torch.nn.modules.conv.Conv2d" {
             return Err(module.fault("a Conv2d", module.class.path()));
@@ -107,8 +95,8 @@ impl Convolution {
         })
     }
 
-    /// Folds a batch norm in that follows: with gain g = weight / sqrt(var + eps), W' = g W and b' = g (b - mean) + bias
-    /// (Ioffe and Szegedy, "Batch Normalization", 2015, algorithm 2).
+    /// Folds in the subsequent batch norm: with gain g = weight / sqrt(var + eps), W' = g W and b' = g (b - mean) + bias (Ioffe and
+    /// Szegedy, "Batch Normalization", 2015, algorithm 2).
     pub(super) fn fold_norm(&mut self, norm: &Module<'_, '_>) -> Result<()> {
         if norm.class.path() != "torch.nn.modules.batchnorm.BatchNorm2d" {
             return Err(norm.fault("a BatchNorm2d", norm.class.path()));
@@ -136,8 +124,8 @@ impl Convolution {
         self.check(norm)
     }
 
-    /// Folds the head's implicit parameters in: m (W (x + a) + b) = (m W) x + m (W a + b), for a kernel of one pixel
-    /// (Wang et al., "You Only Learn One Representation", 2021, section 3).
+    /// Folds in the head's implicit parameters: m (W (x + a) + b) = (m W) x + m (W a + b), for a 1 x 1 kernel (Wang et al., "You Only Learn
+    /// One Representation", 2021, section 3).
     pub(super) fn fold_implicit(
         &mut self,
         module: &Module<'_, '_>,

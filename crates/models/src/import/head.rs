@@ -1,4 +1,4 @@
-//! The last layer: one convolution per map, with the anchors that its boxes are relative to.
+//! The last layer: one convolution per map, with the anchors of its boxes.
 
 use super::error::Result;
 use super::fold::Convolution;
@@ -6,31 +6,25 @@ use super::modules::Module;
 use super::network::Builder;
 use super::pickle::Scalar;
 
-/// The head of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Head {
     /// Its maps, from the finest to the coarsest.
     pub(super) outputs: Vec<Output>,
-    /// Number of classes.
     pub(super) classes: usize,
     /// True for implicit parameters, which are folded in.
     pub(super) implicit: bool,
-    /// How its weights were stored.
     pub(super) scalar: Scalar,
 }
 
-/// A raw map of the head.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Output {
-    /// Number of the map.
     pub(super) map: usize,
-    /// Pixels per cell.
     pub(super) stride: usize,
     /// Widths and heights of the anchors in pixels.
     pub(super) anchors: Vec<[f32; 2]>,
 }
 
-/// Reads the head whose inputs are these maps and adds its convolutions.
+/// Reads the head with these input maps and adds its convolutions.
 pub(super) fn read(
     module: &Module<'_, '_>,
     implicit: bool,
@@ -94,7 +88,7 @@ pub(super) fn read(
     })
 }
 
-/// Anchors, which the checkpoint has in cells, in pixels.
+/// Converts anchors from cells, as in the checkpoint, to pixels.
 fn pixels(module: &Module<'_, '_>, cells: &[f32], stride: f32) -> Result<Vec<[f32; 2]>> {
     let (pairs, _) = cells.as_chunks();
     let anchors: Vec<[f32; 2]> = pairs.iter().map(|p| p.map(|c| c * stride)).collect();
@@ -104,7 +98,7 @@ fn pixels(module: &Module<'_, '_>, cells: &[f32], stride: f32) -> Result<Vec<[f3
     Ok(anchors)
 }
 
-/// Folds what the head adds before and multiplies after a convolution.
+/// Folds in the head's addition before and multiplication after a convolution.
 fn fold(module: &Module<'_, '_>, level: usize, convolution: &mut Convolution) -> Result<()> {
     let index = level.to_string();
     let part = |list: &str, name: &str, channels| {

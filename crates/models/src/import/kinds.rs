@@ -1,40 +1,31 @@
-//! The kinds of layers that are known.
+//! The known kinds of layers.
 
 use super::error::{ImportError, Result};
 use super::modules::Module;
 use std::collections::BTreeSet;
 
-/// The kinds, for messages.
 pub(super) const KNOWN: &str =
     "Conv, Concat, MP, SP, MaxPool2d, Upsample, Identity, Sequential, Detect and IDetect";
 
-/// Sequences of layers within one another.
+/// Maximum nesting of sequences.
 const DEEPEST: usize = 4;
-/// Layers of a network, with those in sequences.
+/// Maximum number of layers, including those in sequences.
 pub(super) const MOST_LAYERS: usize = 1024;
 
-/// What a layer does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LayerKind {
-    /// Convolution, batch norm, activation.
     Conv,
-    /// Joins maps along the channels.
     Concat,
     /// Its child `m` is a pooling.
     Pool,
-    /// Maximum of a window.
     MaxPool,
-    /// Repeats pixels.
     Upsample,
-    /// Nothing.
     Identity,
-    /// Layers one after another.
     Sequence,
-    /// The last layer: maps of boxes. `true` when it has implicit parameters.
+    /// The last layer: maps of boxes. `true` if it has implicit parameters.
     Head(bool),
 }
 
-/// The kind of a module.
 pub(super) fn kind(module: &Module<'_, '_>) -> Option<LayerKind> {
     Some(match (module.class.module, module.class.name) {
         ("models.common", "Conv") => LayerKind::Conv,
@@ -50,13 +41,13 @@ pub(super) fn kind(module: &Module<'_, '_>) -> Option<LayerKind> {
     })
 }
 
-/// A layer with those it consists of, in their order.
+/// A layer with its parts, in order.
 pub(super) type Steps<'p, 'a> = Vec<(LayerKind, Module<'p, 'a>)>;
 
-/// What each layer consists of, sequences taken apart.
+/// The parts of each layer, with sequences expanded.
 ///
 /// # Errors
-/// Kinds that are not known, all at once; too many layers, sequences that are too deep or contain themselves.
+/// All unknown kinds at once; too many layers, sequences that are too deep or contain themselves.
 pub(super) fn take_apart<'p, 'a>(layers: &[Module<'p, 'a>]) -> Result<Vec<Steps<'p, 'a>>> {
     let mut unknown = BTreeSet::new();
     let mut budget = MOST_LAYERS;

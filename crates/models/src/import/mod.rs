@@ -1,8 +1,9 @@
-//! Checkpoints of PyTorch turned into ONNX, without Python.
+//! Converts PyTorch checkpoints to ONNX, without Python.
 //!
-//! Answers: what network does a YOLOv7-tiny checkpoint hold, as an ONNX file and a model card. A checkpoint is a zip archive with a pickle of the whole
-//! module, a program that Python would run. Here it is read and never executed: opcodes and classes that are not on a list
-//! are errors, and nothing is written anywhere. Knows the layers of YOLOv7-tiny in any number and width; does not train, run or download networks.
+//! Answers: the network of a YOLOv7-tiny checkpoint, as an ONNX file and a model card. A checkpoint is a zip archive with a pickle of the
+//! whole module, a program that Python would run. Here it is read and never executed: opcodes and classes that are not on a list are
+//! errors, and nothing is written anywhere. Knows the layers of YOLOv7-tiny in any number and width; does not train, run or download
+//! networks.
 
 mod card;
 mod error;
@@ -28,26 +29,25 @@ use stillpoint_inference::ModelCard;
 use tensors::Tensors;
 use zip::Archive;
 
-/// A checkpoint as an ONNX file.
+/// A checkpoint converted to ONNX.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Imported {
-    /// The ONNX file: input `images` [1, 3, H, W] with free H and W, multiples of the coarsest stride; per stride s an output `strideS`
-    /// [1, anchors (5 + classes), H / s, W / s] of raw values, from the finest to the coarsest.
+    /// The ONNX file: input `images` [1, 3, H, W] with free H and W, multiples of the coarsest stride; per stride s an output `strideS` [1,
+    /// anchors (5 + classes), H / s, W / s] of raw values, from the finest to the coarsest.
     pub onnx: Vec<u8>,
-    /// How it is used.
+    /// Its model card.
     pub card: ModelCard,
-    /// What was found.
+    /// Facts about the checkpoint.
     pub report: Report,
 }
 
-/// Turns a checkpoint as `torch.save` writes it into ONNX. `name` becomes the name of the graph.
+/// Converts a checkpoint written by `torch.save` to ONNX. `name` becomes the name of the graph.
 ///
-/// Memory is bounded by the file's size and by fixed limits, whatever the file says; no file is touched.
+/// Memory is bounded by the file's size and by fixed limits, for any content; no file is touched.
 ///
 /// # Errors
-/// [`ImportError`]: something else than a checkpoint, a damaged or malicious file, classes or layers that are not known, and
-/// tensors that do not fit together.
+/// [`ImportError`]: not a checkpoint, a damaged or malicious file, unknown classes or layers, or inconsistent tensors.
 pub fn import_checkpoint(bytes: &[u8], name: &str) -> std::result::Result<Imported, ImportError> {
     let archive = open(bytes)?;
     let folder = folder(&archive)?;
@@ -68,9 +68,9 @@ pub fn import_checkpoint(bytes: &[u8], name: &str) -> std::result::Result<Import
     Ok(Imported { onnx, card, report })
 }
 
-/// Opens the archive, or says what the file seems to be instead.
+/// Opens the archive, or reports the apparent format of the file.
 fn open(bytes: &[u8]) -> Result<Archive<'_>> {
-    // The magic number with which PyTorch began files before version 1.6: a pickled integer.
+    // The magic number of PyTorch files before version 1.6: a pickled integer.
     const OLD: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19";
     let (found, advice) = if bytes.starts_with(b"PK") {
         return Archive::open(bytes);
@@ -100,7 +100,7 @@ fn open(bytes: &[u8]) -> Result<Archive<'_>> {
     })
 }
 
-/// Name of the archive's one folder: what stands before `/data.pkl`.
+/// Name of the archive's one folder, before `/data.pkl`.
 fn folder<'a>(archive: &Archive<'a>) -> Result<&'a str> {
     let mut folders = archive.names().filter_map(|n| n.strip_suffix("/data.pkl"));
     let none = |found: &str, advice| ImportError::NoCheckpoint {
@@ -138,7 +138,7 @@ fn entry<'a>(archive: &Archive<'a>, folder: &str, name: &str) -> Option<&'a [u8]
     archive.get(&format!("{folder}/{name}"))
 }
 
-/// The network in a checkpoint: under `ema` if there is one, else under `model`, or the root itself.
+/// The network of a checkpoint: under `ema` if present, else under `model`, or the root itself.
 fn network(arena: &Arena<'_>, root: Id) -> Result<(Id, &'static str)> {
     if let Value::Object { .. } = arena.get(root) {
         return Ok((root, "model"));
@@ -210,7 +210,7 @@ fn report(
     }
 }
 
-/// Properties of the ONNX file, for those who find it without its card.
+/// Properties of the ONNX file, for users without its card.
 fn notes(card: &ModelCard, report: &Report) -> [(&'static str, String); 4] {
     let names = report.classes.iter().enumerate();
     let names: Vec<String> = names.map(|(i, n)| format!("{i}: '{n}'")).collect();

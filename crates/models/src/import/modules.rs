@@ -1,36 +1,30 @@
-//! The modules of a network: objects of the pickle with their attributes, parameters and children, seen as PyTorch's `nn.Module` has them.
+//! The modules of a network: objects of the pickle with their attributes, parameters and children, like PyTorch's `nn.Module`.
 
 use super::error::{ImportError, Result};
 use super::pickle::{Arena, Class, Id, Value};
 use super::tensors::{Tensor, Tensors};
 
-/// Attributes that a module may have; the largest have some forty.
+/// Maximum number of attributes of a module; the largest have some forty.
 const MOST_ATTRIBUTES: usize = 512;
-/// Children that a module may have; the largest known networks have some two hundred layers.
+/// Maximum number of children of a module; the largest known networks have some two hundred layers.
 const MOST_CHILDREN: usize = 1024;
 
-/// Where modules are looked up.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'p, 'a> {
-    /// All values.
     pub(super) arena: &'p Arena<'a>,
-    /// All tensors.
     pub(super) tensors: &'p Tensors<'p, 'a>,
 }
 
-/// A module of the network.
 #[derive(Clone)]
 pub(super) struct Module<'p, 'a> {
     source: Source<'p, 'a>,
     state: Id,
-    /// Its class.
     pub(super) class: Class<'a>,
-    /// Where it is in the network, as `model.77.m.0`.
+    /// Its path in the network, e.g. `model.77.m.0`.
     pub(super) path: String,
 }
 
 impl<'p, 'a> Module<'p, 'a> {
-    /// The module with this number.
     pub(super) fn new(source: Source<'p, 'a>, id: Id, path: String) -> Result<Self> {
         let found = source.arena.get(id);
         match found {
@@ -57,12 +51,11 @@ impl<'p, 'a> Module<'p, 'a> {
         }
     }
 
-    /// An attribute.
     pub(super) fn attribute(&self, name: &str) -> Option<Id> {
         self.source.arena.entry(self.state, name)
     }
 
-    /// Children in their order, each with its path.
+    /// Children in order, each with its path.
     pub(super) fn children(&self) -> Result<Vec<Self>> {
         let entries = self.part("_modules")?;
         if entries.len() > MOST_CHILDREN {
@@ -79,7 +72,7 @@ impl<'p, 'a> Module<'p, 'a> {
         children.collect()
     }
 
-    /// The child of that name, if there is one that is not `None`.
+    /// The child of this name, if present and not `None`.
     pub(super) fn optional(&self, name: &str) -> Result<Option<Self>> {
         match self.found_in("_modules", name)? {
             Some(id) => Self::new(self.source, id, self.path_of(name)).map(Some),
@@ -87,13 +80,12 @@ impl<'p, 'a> Module<'p, 'a> {
         }
     }
 
-    /// The child of that name.
     pub(super) fn child(&self, name: &str) -> Result<Self> {
         let found = self.optional(name)?;
         found.ok_or_else(|| self.fault(format!("a module `{name}`"), "none"))
     }
 
-    /// The parameter or buffer of that name, if there is one that is not `None`.
+    /// The parameter or buffer of this name, if present and not `None`.
     pub(super) fn optional_tensor(&self, name: &str) -> Result<Option<Tensor>> {
         let found = match self.found_in("_parameters", name)? {
             Some(id) => Some(id),
@@ -104,14 +96,14 @@ impl<'p, 'a> Module<'p, 'a> {
             .transpose()
     }
 
-    /// The parameter or buffer of that name, with that shape.
+    /// The parameter or buffer of this name and shape.
     pub(super) fn tensor(&self, name: &str, shape: &[usize]) -> Result<Tensor> {
         let found = self.optional_tensor(name)?;
         let tensor = found.ok_or_else(|| self.fault(format!("a tensor `{name}`"), "none"))?;
         self.shaped(name, tensor, shape)
     }
 
-    /// The tensor that is a plain attribute of that name, with that shape.
+    /// The tensor of this shape that is a plain attribute of this name.
     pub(super) fn plain_tensor(&self, name: &str, shape: &[usize]) -> Result<Tensor> {
         let id = self.attribute(name);
         let id = id.ok_or_else(|| self.fault(format!("a tensor `{name}`"), "none"))?;
@@ -130,7 +122,7 @@ impl<'p, 'a> Module<'p, 'a> {
         })
     }
 
-    /// An attribute that is an integer, or a float that is one, from 0 up to 2^15: a size or count.
+    /// An attribute that is an integer, or an integral float, from 0 to 2^15: a size or count.
     pub(super) fn size(&self, name: &str) -> Result<usize> {
         let found = self
             .attribute(name)
@@ -179,7 +171,7 @@ impl<'p, 'a> Module<'p, 'a> {
         Ok((all, list.is_some()))
     }
 
-    /// Fails unless an attribute, where there is one, has the value that is supported.
+    /// Fails if an attribute is present with an unsupported value.
     pub(super) fn demand(
         &self,
         name: &str,
@@ -192,13 +184,12 @@ impl<'p, 'a> Module<'p, 'a> {
         }
     }
 
-    /// True when the module runs by a method that leaves out what was folded into its convolutions.
+    /// Whether the module runs by a method that omits the layers folded into its convolutions.
     pub(super) fn is_folded(&self) -> bool {
         self.attribute("forward")
             .is_some_and(|id| matches!(self.source.arena.get(id), Value::Call { .. }))
     }
 
-    /// An error about this module.
     pub(super) fn fault(
         &self,
         expected: impl Into<String>,

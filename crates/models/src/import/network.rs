@@ -1,5 +1,5 @@
-//! The network as a graph of operations: every layer with what goes into it, and the channels and stride of every map on the way, so that
-//! mismatches are reported here and not by the program that runs it.
+//! The network as a graph of operations: every layer with its inputs, and the channels and stride of every intermediate map, so that
+//! mismatches are reported here and not by the runtime.
 
 use super::error::{ImportError, Result};
 use super::fold::{Convolution, Window};
@@ -8,68 +8,53 @@ use super::kinds::{LayerKind, take_apart};
 use super::modules::Module;
 use super::pickle::Value;
 
-/// The coarsest map that may occur: one cell per this many pixels.
+/// Stride of the coarsest allowed map, px per cell.
 const COARSEST: usize = 1024;
-/// Channels that a map may have; the largest YOLOv7 has some two thousand.
+/// Maximum number of channels of a map; the largest YOLOv7 has some two thousand.
 const MOST_CHANNELS: usize = 1 << 16;
 
-/// The side of the image, px, for which the sizes of maps are counted: that of YOLOv7.
+/// Side of the image, px, for which the sizes of maps are counted: that of YOLOv7.
 const SIDE: usize = 640;
-/// Values of one map of such an image; the largest of YOLOv7-tiny has some three million.
+/// Maximum number of values of one map of such an image; the largest of YOLOv7-tiny has some three million.
 const MOST_VALUES: usize = 1 << 26;
-/// Values of all maps together; those of YOLOv7-tiny have some hundred million.
+/// Maximum number of values of all maps together; those of YOLOv7-tiny have some hundred million.
 const MOST_VALUES_IN_ALL: usize = 1 << 30;
 
-/// What a node does.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Operation {
-    /// Convolution with bias.
     Conv(Convolution),
-    /// x where positive, else this times x.
+    /// x if positive, else this times x.
     LeakyRelu(f32),
-    /// x where positive, else 0.
     Relu,
-    /// x times its logistic function.
     Silu,
     /// Channels of all inputs, one after another.
     Concat,
-    /// Maximum of a window.
     MaxPool(Window),
-    /// Every pixel this many times in both directions.
+    /// Repeats every pixel this many times in both directions.
     Upsample(usize),
 }
 
-/// A node; its output has the number of its place among the nodes plus one, 0 is the image.
+/// A node; its output map has the number of its position among the nodes plus one, 0 is the image.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Node {
-    /// Path of the module that it comes from.
     pub(super) path: String,
-    /// What it does.
     pub(super) operation: Operation,
-    /// Numbers of the maps that go in.
     pub(super) inputs: Vec<usize>,
 }
 
-/// Size of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Map {
-    /// Its channels.
     pub(super) channels: usize,
-    /// Pixels of the image per cell.
     pub(super) stride: usize,
 }
 
 /// A network that ends in a head.
 pub(super) struct Network {
-    /// Nodes in an order in which they can run.
     pub(super) nodes: Vec<Node>,
     /// Sizes of the maps, with the image first.
     pub(super) maps: Vec<Map>,
-    /// Its head.
     pub(super) head: Head,
-    /// Layers of the network.
     pub(super) layers: usize,
-    /// Batch norms that were folded.
     pub(super) norms: usize,
 }
 
@@ -92,7 +77,7 @@ impl Network {
                     inputs = vec![builder.layer(*kind, module, &inputs)?];
                 }
             }
-            // The head has no output that a layer could take.
+            // The head has no output for other layers.
             let output = if head.is_some() {
                 Vec::new()
             } else {
@@ -111,11 +96,10 @@ impl Network {
     }
 }
 
-/// A network in the making.
 pub(super) struct Builder {
     nodes: Vec<Node>,
     maps: Vec<Map>,
-    /// Number of the map that each layer gives.
+    /// Number of the output map of each layer.
     outputs: Vec<usize>,
     norms: usize,
     /// Values of all maps of an image of [`SIDE`].
@@ -138,12 +122,11 @@ impl Default for Builder {
 }
 
 impl Builder {
-    /// Size of a map.
     pub(super) fn map(&self, number: usize) -> Map {
         self.maps[number]
     }
 
-    /// Maps that go into the layer with this number: its attribute `f`, which counts from the front, or back from itself.
+    /// Input maps of the layer with this number: its attribute `f`, which counts from the front, or back from itself.
     fn inputs(&self, layer: &Module<'_, '_>, number: usize) -> Result<Vec<usize>> {
         let (from, _) = layer.integers("f")?;
         let found = from.iter().map(|&f| {
@@ -170,7 +153,7 @@ impl Builder {
         }
     }
 
-    /// Adds what a layer does and gives the number of its output.
+    /// Adds a layer's operations and returns the number of its output.
     fn layer(
         &mut self,
         kind: LayerKind,
@@ -206,7 +189,6 @@ impl Builder {
         }
     }
 
-    /// Adds a convolution whose weights are final.
     pub(super) fn convolution(
         &mut self,
         module: &Module<'_, '_>,
@@ -312,7 +294,7 @@ impl Builder {
         inputs: Vec<usize>,
         map: Map,
     ) -> Result<usize> {
-        // Weights are not needed for maps that fill all memory: joining a map with itself is enough.
+        // Maps can fill all memory without any weights: joining a map with itself is enough.
         let cells = (SIDE / map.stride.max(1)).max(1).pow(2);
         let values = map.channels.saturating_mul(cells);
         self.values = self.values.saturating_add(values);

@@ -1,4 +1,4 @@
-//! The network as an ONNX file: operators of version 13, sizes of the image left free.
+//! Writes the network as an ONNX file: operators of version 13, with free image size.
 //!
 //! Field numbers are those of `onnx.proto` (ONNX IR version 8).
 
@@ -8,12 +8,10 @@ use stillpoint_inference::wire::Message;
 
 /// Version of the file's structure; the oldest that has operators of version 13 and 14 in common runtimes.
 const IR_VERSION: u64 = 8;
-/// Version of the operators.
 const OPERATORS: u64 = 13;
-/// Name of the input.
 const IMAGE: &str = "images";
 
-/// Writes the file. `notes` are kept as the model's properties.
+/// Writes the file. `notes` become the model's properties.
 pub(super) fn write(network: &Network, name: &str, notes: &[(&str, String)]) -> Vec<u8> {
     let mut graph = Graph::default();
     for (i, node) in network.nodes.iter().enumerate() {
@@ -68,10 +66,8 @@ fn port(name: &str, map: &Map) -> Message {
         .message(2, &Message::new().message(1, &tensor))
 }
 
-/// `TensorProto.DataType`.
 const FLOAT: u64 = 1;
 
-/// A graph in the making.
 #[derive(Default)]
 struct Graph {
     message: Message,
@@ -129,7 +125,7 @@ impl Graph {
         );
     }
 
-    /// Nearest pixel, as PyTorch has it: pixel i comes from floor(i / factor).
+    /// Nearest pixel, as in PyTorch: pixel i comes from floor(i / factor).
     fn upsample(&mut self, factor: usize, input: &str, output: &str, node: &Node) {
         let scales = format!("{output}.scales");
         let factor = factor as f32;

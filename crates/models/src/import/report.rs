@@ -1,16 +1,16 @@
-//! What was found in a checkpoint.
+//! Facts about a checkpoint.
 
 use std::fmt;
 
-/// What was found in a checkpoint.
+/// Facts about a checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Report {
-    /// Layers of the network, the head among them.
+    /// Number of layers, the head included.
     pub layers: usize,
-    /// Weights and biases of the ONNX file, with everything folded in.
+    /// Number of weights and biases of the ONNX file, after folding.
     pub parameters: usize,
-    /// Batch norms that were folded; none in a checkpoint that was folded before.
+    /// Number of folded batch norms; 0 for a checkpoint that was folded before.
     pub norms: usize,
     /// Kind of the head.
     pub head: HeadKind,
@@ -18,13 +18,13 @@ pub struct Report {
     pub strides: Vec<usize>,
     /// Names of all classes.
     pub classes: Vec<String>,
-    /// Those that COCO does not have: the card leaves them out.
+    /// Classes that COCO does not have: the card ignores them.
     pub left_out: Vec<String>,
-    /// How the weights are stored.
+    /// Stored precision of the weights.
     pub precision: Precision,
-    /// Which of the checkpoint's networks it is: the averaged weights (`ema`) where there are some, else `model`.
+    /// The imported network: the averaged weights (`ema`) if present, else `model`.
     pub network: &'static str,
-    /// Version of PyTorch's file format, as the file says.
+    /// Version of PyTorch's file format, as stated in the file.
     pub format: Option<String>,
 }
 
@@ -33,11 +33,11 @@ pub struct Report {
 pub enum HeadKind {
     /// Plain convolutions.
     Detect,
-    /// Convolutions with implicit parameters, which were folded in.
+    /// Convolutions with folded implicit parameters.
     ImplicitDetect,
 }
 
-/// How weights are stored. In the ONNX file they have 32 bits.
+/// Stored precision of weights. In the ONNX file they have 32 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
     /// 16 bits, IEEE 754.

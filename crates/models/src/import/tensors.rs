@@ -1,37 +1,32 @@
-//! Tensors: numbers in the archive, seen through a shape, strides and an offset that are checked before anything is read.
+//! Tensors: views of numbers in the archive. Shape, strides and offset are checked before any reading.
 
 use super::error::{ImportError, Result, shown};
 use super::pickle::{Arena, Class, Id, Kind, Scalar, Value};
 use super::zip::Archive;
 use std::cell::Cell;
 
-/// Dimensions that a tensor may have.
+/// Maximum number of dimensions of a tensor.
 const MOST_DIMENSIONS: usize = 8;
 
 /// A tensor's numbers in row-major order.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tensor {
-    /// Sizes of the dimensions.
     pub(super) shape: Vec<usize>,
-    /// As many numbers as the shape says, all finite.
+    /// All finite, and their number matches the shape.
     pub(super) values: Vec<f32>,
-    /// How they are stored.
     pub(super) scalar: Scalar,
 }
 
-/// All tensors of a checkpoint.
 pub(super) struct Tensors<'p, 'a> {
     arena: &'p Arena<'a>,
     archive: &'p Archive<'a>,
     folder: &'a str,
-    /// Numbers that may still be read. A file has no more numbers than bytes; only one that shows the same memory over and over
-    /// needs more.
+    /// Numbers that may still be read. A file has no more numbers than bytes; only repeated views of the same memory exceed that.
     left: Cell<usize>,
-    /// How many there were at first.
     total: usize,
 }
 
-/// A tensor as the pickle describes it.
+/// A tensor as described by the pickle.
 struct View<'a> {
     scalar: Scalar,
     memory: &'a [u8],
@@ -41,7 +36,7 @@ struct View<'a> {
 }
 
 impl<'p, 'a> Tensors<'p, 'a> {
-    /// Of an archive whose entries begin with `folder` and a slash.
+    /// For an archive whose entries begin with `folder` and a slash.
     pub(super) fn new(
         arena: &'p Arena<'a>,
         archive: &'p Archive<'a>,
@@ -127,7 +122,7 @@ impl<'p, 'a> Tensors<'p, 'a> {
         }
     }
 
-    /// `("storage", type, key, place, numbers)` and the archive's entry of that key.
+    /// Reads `("storage", type, key, place, numbers)` and the archive's entry of that key.
     fn memory(&self, id: Id, path: &str) -> Result<(Scalar, &'a [u8])> {
         let outside = match self.arena.get(id) {
             Value::Outside(id) => self.arena.sequence(*id),
@@ -199,7 +194,7 @@ impl<'p, 'a> Tensors<'p, 'a> {
 }
 
 impl View<'_> {
-    /// Every number lies in the memory, and there are no more of them than the memory has.
+    /// Checks that every number is in the memory, and that there are no more of them than the memory has.
     fn check(&self, path: &str) -> Result<()> {
         if let Scalar::Other(_) = self.scalar {
             return Err(fault(

@@ -1,23 +1,22 @@
-//! The archive around a checkpoint: zip as PyTorch writes it, with stored entries only. Entries are looked up by name in memory; nothing
-//! is unpacked, so names and sizes can do no harm beyond an error.
+//! The archive of a checkpoint: zip as PyTorch writes it, with stored entries only. Entries are looked up by name in memory; nothing is
+//! unpacked, so names and sizes can at worst cause an error.
 //!
-//! An own reader of the format's few structures (PKWARE, APPNOTE 6.3, sections 4.3 and 4.5.3): libraries keep the last of two entries
-//! with one name, which is how a file shows one content to a scanner and another to its user.
+//! An own reader of the format's few structures (PKWARE, APPNOTE 6.3, sections 4.3 and 4.5.3): libraries keep the last of two entries with
+//! one name, which allows a file to show one content to a scanner and another to its user.
 
 use super::error::{ImportError, Result, shown};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Entries that an archive may have; the largest checkpoints have some thousands.
+/// Maximum number of entries of an archive; the largest checkpoints have some thousands.
 const MOST_ENTRIES: usize = 1 << 16;
 
-/// An archive whose entries are all stored, apart from one another, and as their checksums say.
+/// An archive whose entries are all stored, disjoint, and match their checksums.
 pub(super) struct Archive<'a> {
     bytes: &'a [u8],
     entries: BTreeMap<&'a str, Range<usize>>,
 }
 
-/// An entry as the central directory has it.
 struct Listed<'a> {
     name: &'a str,
     at: usize,
@@ -60,17 +59,15 @@ impl<'a> Archive<'a> {
         Ok(archive)
     }
 
-    /// Content of an entry.
     pub(super) fn get(&self, name: &str) -> Option<&'a [u8]> {
         self.entries.get(name).map(|r| &self.bytes[r.clone()])
     }
 
-    /// All names, sorted.
     pub(super) fn names(&self) -> impl Iterator<Item = &'a str> {
         self.entries.keys().copied()
     }
 
-    /// Compares the contents with their checksums. After the check for overlaps, so that no byte is read twice.
+    /// Compares the contents with their checksums. Called after the check for overlaps, so that no byte is read twice.
     fn check(&self, directory: &Directory) -> Result<()> {
         let mut at = directory.start;
         for _ in 0..directory.entries {
@@ -94,7 +91,6 @@ impl<'a> Archive<'a> {
     }
 }
 
-/// Where the central directory is.
 struct Directory {
     start: usize,
     end: usize,
@@ -102,7 +98,7 @@ struct Directory {
 }
 
 impl Directory {
-    /// From the record at the archive's end, or from its 64-bit twin before it.
+    /// From the record at the archive's end, or from its 64-bit version before it.
     fn find(bytes: &[u8]) -> Result<Self> {
         let end = end_record(bytes).ok_or_else(|| {
             fault(
@@ -121,7 +117,7 @@ impl Directory {
             _ => None,
         };
         let (entries, size, start) = large.unwrap_or(small);
-        // Two records that disagree would let two readers see two archives.
+        // Two readers could see different archives if the records disagree.
         let pairs = [
             (small.0, entries, 0xffff),
             (small.1, size, 0xffff_ffff),
@@ -153,7 +149,7 @@ impl Directory {
     }
 }
 
-/// The last end record whose comment reaches exactly to the end of the file.
+/// The last end record whose comment ends exactly at the end of the file.
 fn end_record(bytes: &[u8]) -> Option<usize> {
     let last = bytes.len().checked_sub(22)?;
     (last.saturating_sub(0xffff)..=last).rev().find(|&at| {
@@ -185,7 +181,7 @@ fn large_record(bytes: &[u8], at: usize) -> Result<(u64, u64, u64)> {
     ))
 }
 
-/// The directory's entry at `at`, and where the next one is.
+/// The directory's entry at `at`, and the offset of the next one.
 fn listed(bytes: &[u8], at: usize, end: usize) -> Result<(Listed<'_>, usize)> {
     if at.saturating_add(46) > end || word(bytes, at)? != 0x0201_4b50 {
         return Err(fault(at, "an entry of the directory", "something else"));
@@ -238,7 +234,7 @@ fn listed(bytes: &[u8], at: usize, end: usize) -> Result<(Listed<'_>, usize)> {
     Ok((entry, next))
 }
 
-/// Takes the sizes that do not fit 32 bits from the extra field 1.
+/// Reads the sizes that do not fit 32 bits from the extra field 1.
 fn widen(sizes: &mut [u64; 3], mut extra: &[u8], at: usize) -> Result<()> {
     let mut wide: &[u8] = &[];
     while let Some((head, rest)) = extra.split_first_chunk::<4>() {
@@ -262,7 +258,7 @@ fn widen(sizes: &mut [u64; 3], mut extra: &[u8], at: usize) -> Result<()> {
 }
 
 impl Listed<'_> {
-    /// Where its content is, after the header that repeats its name.
+    /// Range of its content, after the header that repeats its name.
     fn data(&self, bytes: &[u8], directory: usize) -> Result<Range<usize>> {
         let at = self.local;
         if word(bytes, at)? != 0x0403_4b50 {
@@ -276,7 +272,7 @@ impl Listed<'_> {
                 format!("another name or method than that of `{}`", shown(self.name)),
             ));
         }
-        // With flag 8 the sizes follow the content; -1 stands for 64-bit ones. Else they are here a second time.
+        // With flag 8 the sizes follow the content; -1 denotes 64-bit ones. Else they are repeated here.
         let stated = word(bytes, at + 18)?;
         let later = short(bytes, at + 6)? & 8 != 0 || stated == u32::MAX;
         if !later && u64::from(stated) != self.size as u64 {

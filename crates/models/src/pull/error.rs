@@ -1,4 +1,4 @@
-//! What can be wrong with a download, said so that the user can go on without it.
+//! Errors of downloads, with ways to continue without them.
 
 use crate::catalogue::KnownModel;
 use std::fmt;
@@ -6,33 +6,33 @@ use std::path::{Path, PathBuf};
 use stillpoint_fetch::FetchError;
 use stillpoint_inference::{Cache, CacheError, Form};
 
-/// A model could not be downloaded. No error leaves a half file under a model's name or touches a model that was there before.
+/// Error: a model could not be downloaded. No error leaves a partial file under a model's name or touches an existing model.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PullError {
     /// The cache cannot be used.
     #[error(transparent)]
     Cache(#[from] CacheError),
-    /// It did not arrive.
+    /// The download failed.
     #[error(transparent)]
     Fetch(#[from] FetchError),
-    /// The file is another than the one published, or than the one that came the first time. It is not kept.
+    /// The file differs from the published one, or from that of the first download. It is not kept.
     #[error(
         "{url}: expected SHA-256 {expected} ({on_record}), found {found}; the file was removed; {advice}"
     )]
     Checksum {
         /// The address.
         url: String,
-        /// The checksum expected.
+        /// Expected checksum.
         expected: String,
-        /// Who says so.
+        /// Its source.
         on_record: &'static str,
-        /// The checksum found.
+        /// Found checksum.
         found: String,
-        /// What it may be, and what to do.
+        /// Possible cause and remedy.
         advice: String,
     },
-    /// The file came whole and cannot be turned into a network. It is not kept.
+    /// The file is complete and cannot be converted to a network. It is not kept.
     #[error(
         "{url}: expected a checkpoint that can be turned into ONNX, found: {reason}; the file (SHA-256 {sha256}) was removed: try again, or get it in another way and run `stillpoint models import FILE`"
     )]
@@ -41,22 +41,22 @@ pub enum PullError {
         url: String,
         /// Checksum of the file.
         sha256: String,
-        /// What is wrong with it.
+        /// The problem.
         reason: String,
     },
-    /// The cache has another model of this name, which is not replaced without being asked for.
+    /// The cache has another model of this name, which is only replaced on request.
     #[error("{}: expected no model of the name {name} but the published one, found another (made from SHA-256 {found}); to keep it, move it and its card away, or import it under another name; --again replaces it", path.display())]
     Another {
         /// The model.
         name: String,
-        /// SHA-256 of the file that the one in the cache was made from.
+        /// SHA-256 of the original file of the cached model.
         found: String,
-        /// The one in the cache.
+        /// The cached model.
         path: PathBuf,
     },
 }
 
-/// How to get a model without this program: what, how to check it, and where to put it.
+/// Instructions to obtain a model without this program: file, checksum and destination.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ByHand {
     url: String,
@@ -101,7 +101,7 @@ impl fmt::Display for ByHand {
 }
 
 impl PullError {
-    /// The file with what came so far, where it is kept and the same call goes on from it.
+    /// The partial download, if kept; the same call resumes it.
     #[must_use]
     pub fn part(&self) -> Option<&Path> {
         match self {

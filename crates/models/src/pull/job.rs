@@ -1,4 +1,4 @@
-//! The steps of a download, from the question whether the model is here to the model in the cache.
+//! The steps of a download, from the lookup in the cache to the installation.
 
 use super::error::{ByHand, PullError};
 use super::{Checksum, Convert, Progress, PullOptions, Pulled};
@@ -13,14 +13,12 @@ use stillpoint_fetch::{
 };
 use stillpoint_inference::{Cache, CacheError, CachedModel, Form, LARGEST, State, check_name};
 
-/// What the name of the file ends with that holds the checksum of a first download.
+/// Suffix of the file with the checksum of a first download.
 const CHECKSUM: &str = "sha256";
-/// Room that there must be for a model, in sizes of the published file: that one, and what becomes of it.
+/// Required free space for a model, in sizes of the published file: that file, and its conversion.
 const ROOM: u64 = 2;
-/// Where else models can go, as part of messages.
 const ELSEWHERE: &str = "set STILLPOINT_CACHE to a folder on another disk";
 
-/// One download.
 pub(super) struct Job<'a> {
     pub(super) model: &'a KnownModel,
     pub(super) cache: &'a Cache,
@@ -30,7 +28,6 @@ pub(super) struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// See [`pull`](super::pull).
     pub(super) fn run(&self, progress: Watch<'_>) -> Result<Pulled, PullError> {
         check_name(self.model.name)?;
         let expected = self.expected()?;
@@ -63,12 +60,11 @@ impl Job<'_> {
         })
     }
 
-    /// The address for messages and the record, without the password that a mirror's may hold.
+    /// The address for messages and the record, without a mirror's password.
     fn url(&self) -> String {
         shown_address(&self.address())
     }
 
-    /// The address that is asked for.
     fn address(&self) -> String {
         match (&self.options.base, self.model.url.strip_prefix(UPSTREAM)) {
             (Some(base), Some(path)) => format!("{}{path}", base.trim_end_matches('/')),
@@ -106,8 +102,8 @@ impl Job<'_> {
         self.cache.write_file(self.model.name, CHECKSUM, &text)
     }
 
-    /// The model, if it is here, undamaged, and made from the published file. Another of its name is the user's, and not replaced; a damaged one
-    /// is of no use to anyone.
+    /// The model, if present, undamaged, and made from the published file. Another one of its name is the user's, and not replaced; a
+    /// damaged one is ignored.
     fn already_here(&self, expected: Option<&str>) -> Result<Option<Pulled>, PullError> {
         let here = self.cache.find(self.model.name)?;
         let Some(model) = here.filter(|m| !matches!(m.state, State::Damaged(_))) else {
@@ -125,7 +121,7 @@ impl Job<'_> {
                 transferred: 0,
                 resumed: 0,
             })),
-            // Its checksum was removed, so that this download counts as the first.
+            // Its checksum was removed, so this download counts as the first.
             None if self.was_pulled(&model) => Ok(None),
             _ => Err(PullError::Another {
                 name: model.name.clone(),
@@ -135,7 +131,7 @@ impl Job<'_> {
         }
     }
 
-    /// Whether an earlier download brought it, from whatever server.
+    /// Whether it came from an earlier download, from any server.
     fn was_pulled(&self, model: &CachedModel) -> bool {
         let source = model.record.as_ref().and_then(|r| r.source.as_deref());
         let path = self.model.url.strip_prefix(UPSTREAM);
@@ -154,7 +150,7 @@ impl Job<'_> {
         }
     }
 
-    /// Brings the part to its full length.
+    /// Completes the partial file.
     fn download(&self, part: &Part, progress: Watch<'_>) -> Result<Fetched, FetchError> {
         let (address, by_hand) = (self.address(), self.by_hand().to_string());
         let wanted = Wanted {
@@ -172,7 +168,7 @@ impl Job<'_> {
         fetch(&wanted, part, self.disk, progress)
     }
 
-    /// Compares the checksum of the file with the one that it must have.
+    /// Compares the file with its expected checksum.
     fn verify(
         &self,
         part: &Part,
@@ -208,7 +204,7 @@ impl Job<'_> {
         })
     }
 
-    /// Makes the file a model of the cache.
+    /// Installs the file as a model of the cache.
     fn install(
         &self,
         part: &Part,
@@ -236,7 +232,6 @@ impl Job<'_> {
     }
 }
 
-/// The published file, whole.
 fn read(part: &Part) -> Result<Vec<u8>, CacheError> {
     let mut bytes = Vec::new();
     File::open(part.path())

@@ -1,7 +1,7 @@
-//! Getting a model from where its maker publishes it into the cache.
+//! Downloads published models into the cache.
 //!
-//! A download that breaks off is kept and resumed; what arrives is compared with its checksum as a whole, and only then it becomes a model. A
-//! checkpoint is turned into ONNX and not kept: the record holds its checksum.
+//! An interrupted download is kept and resumed; the complete file is compared with its checksum before it becomes a model. A checkpoint is
+//! converted to ONNX and not kept: the record holds its checksum.
 
 mod error;
 mod job;
@@ -19,16 +19,16 @@ use std::time::Duration;
 use stillpoint_fetch::{RealDisk, Waits, one_line};
 use stillpoint_inference::{Cache, CachedModel};
 
-/// How to download.
+/// Options of a download.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PullOptions {
-    /// What replaces `https://github.com` in the addresses: a mirror that has the same paths.
+    /// Replaces `https://github.com` in the addresses: a mirror with the same paths.
     pub base: Option<String>,
-    /// Longest wait for a connection. Default: 20 s.
+    /// Maximum wait for a connection. Default: 20 s.
     pub connect_timeout: Duration,
-    /// Longest wait for an answer, or for more of the file. There is no limit for the whole. Default: 30 s.
+    /// Maximum wait for a response, or for more data. The total time is not limited. Default: 30 s.
     pub stall_timeout: Duration,
-    /// Download it although it is here, or another model of its name.
+    /// Download even if it, or another model of its name, is present.
     pub again: bool,
 }
 
@@ -44,29 +44,30 @@ impl Default for PullOptions {
     }
 }
 
-/// A model that is here now.
+/// Result of a download.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Pulled {
     /// The model in the cache.
     pub model: CachedModel,
-    /// Where it was downloaded.
+    /// Its address.
     pub url: String,
-    /// SHA-256 of the published file: of a checkpoint, where that was turned into ONNX.
+    /// SHA-256 of the published file: of the checkpoint, if that was converted to ONNX.
     pub sha256: String,
-    /// What is known about this checksum.
+    /// Origin of this checksum.
     pub checksum: Checksum,
-    /// Bytes that came over the network; 0 if the model, or the whole file, was here.
+    /// Bytes that were transferred; 0 if the model or the complete file was present.
     pub transferred: u64,
-    /// Bytes that were here from a download that broke off.
+    /// Bytes present from an interrupted download.
     pub resumed: u64,
 }
 
-/// Downloads a model into the cache, unless it is here. Another model of its name is replaced only if that is damaged, or if `options` say so. `progress` is called at least after each 64 kB, and may break off;
-/// while the server is silent it is not called, for at most the time limits of `options`.
+/// Downloads a model into the cache, unless it is present. Another model of its name is only replaced if that is damaged, or if `options`
+/// request it. `progress` is called at least after each 64 kB, and may stop the download; while the server is silent, at most for the time
+/// limits of `options`, it is not called.
 ///
 /// # Errors
-/// See [`PullError`]. After each of them a model of this name that was here before is as it was.
+/// See [`PullError`]. After any of them an existing model of this name is unchanged.
 pub fn pull(
     model: &KnownModel,
     cache: &Cache,
@@ -83,7 +84,7 @@ pub fn pull(
     .run(progress)
 }
 
-/// Turns a checkpoint into a network and its card; what is wrong with it, on one line.
+/// Converts a checkpoint to a network and its card; errors are one line.
 type Convert<'a> = &'a dyn Fn(&[u8], &str) -> Result<(Vec<u8>, String), String>;
 
 fn convert(checkpoint: &[u8], name: &str) -> Result<(Vec<u8>, String), String> {

@@ -1,4 +1,4 @@
-//! What only a full disk and a made-up conversion can show.
+//! Tests that need a full disk or a fake conversion.
 
 use super::job::Job;
 use super::*;
@@ -11,7 +11,7 @@ use stillpoint_inference::{Form, sha256_hex};
 mod pull_support;
 use pull_support::*;
 
-/// A disk with room for so many bytes more.
+/// A disk with this much free space, bytes.
 struct SmallDisk(usize);
 
 struct SmallFile {
@@ -50,7 +50,7 @@ impl Write for SmallFile {
     }
 }
 
-/// A conversion that takes what begins with `PK` and puts `onnx of ` before it.
+/// A fake conversion of bytes that begin with `PK`: prepends `onnx of `.
 fn converted(checkpoint: &[u8], name: &str) -> Result<(Vec<u8>, String), String> {
     match checkpoint.strip_prefix(b"PK") {
         Some(rest) => Ok(([b"onnx of ", rest].concat(), format!("card of {name}"))),
@@ -168,7 +168,7 @@ fn what_is_no_checkpoint_is_not_recorded() {
     }
 }
 
-/// Stopped when all bytes were here: they need not come again, although nobody knew their number.
+/// Stopped when all bytes were present: they are not transferred again, although their number was unknown.
 #[test]
 fn a_whole_part_of_unknown_size_is_used() {
     let checkpoint: &'static [u8] = b"PK weights";
@@ -214,7 +214,7 @@ fn what_is_in_the_way_is_reported() {
         std::fs::remove_dir(&path).unwrap();
         scratch.assert_older(&[]);
     }
-    // All came, and then the model cannot take its place.
+    // The download is complete, and the model cannot be renamed.
     let scratch = Scratch::new();
     let onnx = scratch.cache.onnx_path("made-up");
     std::fs::create_dir_all(onnx.join("full")).unwrap();

@@ -1,4 +1,4 @@
-//! Recorded checkpoints, imported and run: the numbers are those of PyTorch.
+//! Recorded checkpoints, imported and run: the results equal those of PyTorch.
 
 use super::small::Small;
 use super::support::{Lies, entries, fixture, fixtures, zip};
@@ -9,17 +9,17 @@ use stillpoint_detection::ClassId;
 use stillpoint_inference::{Classes, Head, OnnxDetector, OnnxOptions, Resize, Runtime};
 use stillpoint_models::import::{HeadKind, Imported, Precision, import_checkpoint};
 
-/// Largest difference that single precision may make in outputs of magnitude 1 to 10.
+/// Largest difference due to single precision in outputs of magnitude 1 to 10.
 const TOLERANCE: f32 = 1e-3;
 
-/// The image that `make_checkpoint.py` calls `pattern`.
+/// The image `pattern` of `make_checkpoint.py`.
 fn pattern(height: usize, width: usize) -> Vec<f32> {
     let pixels = 0..3 * height * width;
     let mixed = pixels.map(|i| (i as u32).wrapping_mul(2_654_435_761) >> 8);
     mixed.map(|m| m as f32 / 16_777_216.0).collect()
 }
 
-/// Outputs of the network for that image, in their order, with their shapes.
+/// Outputs of the network for this image, in order, with their shapes.
 fn run(onnx: &[u8], height: usize, width: usize) -> Vec<(Vec<usize>, Vec<f32>)> {
     let model = Model::load(onnx.to_vec()).unwrap();
     let input: NodeId = model.input_ids()[0];
@@ -39,7 +39,6 @@ fn run(onnx: &[u8], height: usize, width: usize) -> Vec<(Vec<usize>, Vec<f32>)> 
     outputs.into_iter().map(read).collect()
 }
 
-/// The largest difference to what PyTorch computed.
 fn difference(folder: &Path, name: &str, imported: &Imported, height: usize, width: usize) -> f32 {
     let outputs = run(&imported.onnx, height, width);
     assert_eq!(outputs.len(), 3);
@@ -82,7 +81,7 @@ fn a_folded_checkpoint_with_a_plain_head_computes_what_pytorch_does() {
     assert_eq!(report.head, HeadKind::Detect);
     assert_eq!(report.precision, Precision::Single);
     assert_eq!((report.layers, report.norms), (78, 0));
-    // What lies under "model" there is a decoy.
+    // The network under "model" there is a decoy.
     assert_eq!(report.network, "ema");
     let largest = difference(&fixtures(), "detect", &imported, 32, 64);
     println!("largest difference to PyTorch: {largest:e}");
@@ -111,7 +110,7 @@ fn the_card_has_the_checkpoints_own_anchors_and_classes() {
     assert_eq!(card.input.size, Some([640, 640]));
     assert_eq!(card.input.resize, Resize::Centre);
     assert_eq!(card.output.strides, [8, 16, 32]);
-    // The checkpoint has them in cells and half precision; in pixels they are whole again.
+    // The checkpoint has them in cells and half precision; in pixels they are exact integers.
     let anchors = [
         vec![12.0, 16.0, 19.0, 36.0, 40.0, 28.0],
         vec![36.0, 75.0, 76.0, 55.0, 72.0, 146.0],

@@ -1,4 +1,4 @@
-//! Archives that are something else, damaged, or lie: an error each, with its place in the file.
+//! Foreign, damaged or inconsistent archives: an error each, with its offset in the file.
 
 use super::small::{Small, TensorSpec};
 use super::support::{Entry, Lies, entries, error_of, fixture, message_of, zip};
@@ -155,7 +155,7 @@ fn archives_that_lie_are_refused() {
 
 #[test]
 fn entries_inside_one_another_are_refused() {
-    // The content of the first entry is a whole second entry, which the directory lists as well.
+    // The content of the first entry is a complete second entry, which the directory lists as well.
     let inner = zip(
         &[Entry::new("archive/data/0", vec![7; 32])],
         Lies::default(),

@@ -1,11 +1,11 @@
-//! Checkpoints changed at random: whatever the change, reading ends without panic.
+//! Random changes of checkpoints: reading always ends without panic.
 
 use super::support::{error_of, fixture, program, with_pickle};
 use proptest::prelude::*;
 use stillpoint_models::import::import_checkpoint;
 
 proptest! {
-    /// Any change of bytes is noticed or harmless; mostly a checksum notices.
+    /// Any change of bytes is detected or harmless; mostly a checksum detects it.
     #[test]
     fn changed_files_never_panic(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
         let mut bytes = fixture("idetect.pt");
@@ -27,7 +27,7 @@ proptest! {
         let _ = import_checkpoint(&bytes, "x");
     }
 
-    /// Changes in the pickle behind right checksums: the reader of the pickle and all after it see them.
+    /// Changes in the pickle with correct checksums: they reach the pickle's reader and later steps.
     #[test]
     fn changed_pickles_never_panic(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8)) {
         let bytes = with_pickle("idetect.pt", |mut pickle| {
@@ -40,7 +40,7 @@ proptest! {
         let _ = import_checkpoint(&bytes, "x");
     }
 
-    /// Parts of the pickle moved elsewhere: valid opcodes in orders that nobody intended.
+    /// Moved parts of the pickle: valid opcodes in unintended order.
     #[test]
     fn rearranged_pickles_never_panic(from in any::<prop::sample::Index>(), length in 1_usize..4000, to in any::<prop::sample::Index>()) {
         let bytes = with_pickle("idetect.pt", |mut pickle| {
@@ -53,7 +53,6 @@ proptest! {
         let _ = import_checkpoint(&bytes, "x");
     }
 
-    /// Any bytes as a pickle.
     #[test]
     fn any_pickle_never_panics(opcodes in prop::collection::vec(any::<u8>(), 0..300)) {
         error_of(&program(&opcodes));

@@ -1,4 +1,4 @@
-//! Networks written value by value: what is read of them, and what is refused by its path.
+//! Networks written value by value: import, and refusals with paths.
 
 use super::small::{self, Small, TensorSpec, V, ints, pool, text};
 use super::support::{error_of, message_of, replaced, with_pickle};
@@ -16,7 +16,7 @@ fn names_may_be_a_dictionary_by_number() {
     assert_eq!(imported.report.classes, ["dog"]);
 }
 
-/// A change of the small network, and what the error must name.
+/// A change of the small network, and a string that the error must contain.
 fn refused(what: &str, change: impl FnOnce(&mut Small)) {
     let mut small = Small::default();
     change(&mut small);
@@ -115,7 +115,7 @@ fn weights_without_their_network_are_refused() {
 
 #[test]
 fn networks_of_many_shared_layers_end_at_a_limit() {
-    // Sequences of a hundred times the sequence before.
+    // Sequences of a hundred times the previous sequence.
     let mut layer = small::pool(1);
     for _ in 0..3 {
         let children = (0..20)
@@ -187,7 +187,7 @@ fn tensors_beyond_their_memory_are_refused() {
     assert!(weight(|t| t.storage = "torch.IntStorage").contains("floating-point numbers"));
     assert!(weight(|t| t.storage = "torch.Size").contains("a type of numbers"));
     assert!(weight(|t| t.key = "n").contains("finite numbers, found NaN"));
-    // No step is needed along dimensions of one element, and zero steps repeat what is there.
+    // Dimensions of one element need no step, and zero steps repeat values.
     let mut small = Small::default();
     small.weight.strides = vec![0, 0, i64::MAX, i64::MAX];
     import_checkpoint(&small.bytes(), "x").unwrap();
@@ -222,7 +222,7 @@ fn all_precisions_of_weights_give_the_same_network() {
         small.weight.storage = storage;
         let imported = import_checkpoint(&small.bytes(), "x").unwrap();
         assert_eq!(imported.report.precision, precision);
-        // All of the graph but the properties, which name the precision.
+        // The graph, without the properties, which name the precision.
         let graph = |onnx: &[u8]| {
             let mut graph = wire::fields(onnx).flatten().filter(|f| f.number == 7);
             graph.next().map(|f| f.raw.to_vec())

@@ -1,4 +1,4 @@
-//! Pickles that are damaged, or made to harm: foreign functions, stacks that do not work out, bombs.
+//! Damaged or malicious pickles: foreign functions, inconsistent stacks, bombs.
 
 use super::small::{self, V, class, dict, text};
 use super::support::{checkpoint, error_of, message_of, program, with_pickle};
@@ -34,7 +34,7 @@ fn foreign_functions_are_refused_by_name_and_not_run() {
             "{error}"
         );
     }
-    // The same by STACK_GLOBAL, where the name is put together on the stack.
+    // The same by STACK_GLOBAL, with the name assembled on the stack.
     let message = message_of(&program(b"\x8c\x02os\x8c\x06system\x93"));
     assert!(message.contains("`os.system`"), "{message}");
     let message = message_of(&program(
@@ -140,12 +140,11 @@ fn lengths_beyond_the_pickle_reserve_nothing() {
         let message = message_of(&program(opcodes));
         assert!(message.contains("bytes announced"), "{message}");
     }
-    // An integer with more digits than fit is read over, not computed.
+    // An integer with too many digits is skipped, not computed.
     let long = [b"\x8b\0\x40\0\0".as_slice(), &[0x7f; 0x4000]].concat();
     assert!(message_of(&program(&long)).contains("found a long integer"));
 }
 
-/// An opcode sequence many times over.
 fn repeated(opcodes: &[u8], times: usize) -> Vec<u8> {
     program(&opcodes.repeat(times))
 }
@@ -196,7 +195,7 @@ fn deep_and_endless_values_are_read_without_recursion() {
     // Tuples within tuples, a hundred thousand deep.
     let deep = [b")".as_slice(), &b"\x85".repeat(100_000)].concat();
     assert!(message_of(&program(&deep)).contains("found a tuple of 1"));
-    // Lists of ten times the list before: a graph of sixty nodes that stands for 10^60 elements.
+    // Lists of ten times the previous list: a graph of sixty nodes that represents 10^60 elements.
     let mut laughs = b"]q\0".to_vec();
     for i in 0..60_u8 {
         laughs.extend([b']', b'q', i + 1, b'(']);
@@ -204,7 +203,7 @@ fn deep_and_endless_values_are_read_without_recursion() {
         laughs.push(b'e');
     }
     assert!(message_of(&program(&laughs)).contains("found a list of 10"));
-    // A list that contains itself, and a network that does.
+    // A list that contains itself, and such a network.
     assert!(message_of(&program(b"]q\0h\0a")).contains("found a list of 1"));
     let cycle = [
         b"}X\x05\0\0\0modelctorch.nn.modules.container\nSequential\n)\x81q\0".as_slice(),

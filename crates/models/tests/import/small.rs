@@ -1,9 +1,8 @@
-//! A small network, written value by value: a pooling of 8 x 8 px and a head of one map, one anchor and one class. Every part can be
-//! made wrong.
+//! A small network, written value by value: a pooling of 8 x 8 px and a head of one map, one anchor and one class. Every part can be made
+//! wrong.
 
 use super::support::{Entry, Lies, zip};
 
-/// A value to be pickled.
 #[derive(Clone, Debug)]
 pub(crate) enum V {
     None,
@@ -17,9 +16,8 @@ pub(crate) enum V {
     Call(Box<V>, Vec<V>),
     Object(Box<V>, Box<V>),
     Outside(Box<V>),
-    /// A value that is remembered under a number.
+    /// A value stored in the memo under a number.
     Remembered(u8, Box<V>),
-    /// The value of that number.
     Recalled(u8),
 }
 
@@ -40,7 +38,6 @@ pub(crate) fn ints<const N: usize>(values: [i64; N]) -> V {
     V::Tuple(values.map(V::Int).to_vec())
 }
 
-/// A pickle of protocol 2.
 pub(crate) fn pickle(value: &V) -> Vec<u8> {
     let mut bytes = vec![0x80, 2];
     write(value, &mut bytes);
@@ -103,7 +100,7 @@ fn write(value: &V, out: &mut Vec<u8>) {
     }
 }
 
-/// How a tensor is described; entries of the archive hold 64 numbers of 4 bytes.
+/// Description of a tensor; entries of the archive hold 64 numbers of 4 bytes.
 #[derive(Clone, Debug)]
 pub(crate) struct TensorSpec {
     pub(crate) storage: &'static str,
@@ -176,7 +173,6 @@ pub(crate) fn nothing() -> V {
     V::Dict(vec![])
 }
 
-/// The small network with parts that can be exchanged.
 #[derive(Clone, Debug)]
 pub(crate) struct Small {
     pub(crate) weight: TensorSpec,
@@ -215,7 +211,6 @@ pub(crate) fn pool(size: i64) -> V {
     module(path, own, parts(nothing(), nothing(), nothing()))
 }
 
-/// A convolution of three channels.
 fn conv(outputs: i64, kernel: V, padding: i64, weight: &TensorSpec) -> V {
     let own = own([
         ("in_channels", V::Int(3)),
@@ -232,7 +227,7 @@ fn conv(outputs: i64, kernel: V, padding: i64, weight: &TensorSpec) -> V {
     module(path, own, parts(weights, nothing(), nothing()))
 }
 
-/// A layer that is one convolution of 9 x 9 px after another: the same one, over and over.
+/// A layer that repeats one 9 x 9 convolution.
 pub(crate) fn repeated_conv(times: usize) -> V {
     let weight = TensorSpec {
         numbers: 1024,

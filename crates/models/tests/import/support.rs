@@ -1,9 +1,9 @@
-//! Checkpoints for tests: the recorded ones, taken apart and put together again.
+//! Checkpoints for tests: the recorded ones, taken apart and reassembled.
 
 use std::path::{Path, PathBuf};
 use stillpoint_models::import::{ImportError, import_checkpoint};
 
-/// Folder of the recorded checkpoints and of what PyTorch computes with them; `make_checkpoint.py` there wrote them.
+/// Folder of the recorded checkpoints and of PyTorch's results for them; `make_checkpoint.py` there wrote them.
 pub(crate) fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures")
 }
@@ -13,7 +13,7 @@ pub(crate) fn fixture(name: &str) -> Vec<u8> {
     std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// An entry of an archive that is to be written.
+/// An entry of an archive to be written.
 #[derive(Clone, Debug)]
 pub(crate) struct Entry {
     pub(crate) name: String,
@@ -29,7 +29,7 @@ impl Entry {
     }
 }
 
-/// What an archive may say wrongly; the defaults are right.
+/// Possible faults of an archive; the defaults are correct.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Lies {
     /// Method 8 (deflate) for all entries.
@@ -40,11 +40,10 @@ pub(crate) struct Lies {
     pub(crate) overlapping: bool,
     /// Sizes of 64 bits, this large.
     pub(crate) huge: Option<u64>,
-    /// Entries that the end record announces beyond those there are.
+    /// Surplus of entries in the end record.
     pub(crate) more: u16,
 }
 
-/// A zip archive of stored entries.
 pub(crate) fn zip(entries: &[Entry], lies: Lies) -> Vec<u8> {
     let (mut bytes, mut directory) = (Vec::new(), Vec::new());
     for (i, entry) in entries.iter().enumerate() {
@@ -104,12 +103,11 @@ pub(crate) fn zip(entries: &[Entry], lies: Lies) -> Vec<u8> {
     bytes
 }
 
-/// An archive as PyTorch names its parts.
+/// An archive with PyTorch's names of its parts.
 pub(crate) fn checkpoint(pickle: &[u8]) -> Vec<u8> {
     zip(&[Entry::new("archive/data.pkl", pickle)], Lies::default())
 }
 
-/// Entries of a sound archive.
 pub(crate) fn entries(bytes: &[u8]) -> Vec<Entry> {
     let short = |at: usize| usize::from(u16::from_le_bytes([bytes[at], bytes[at + 1]]));
     let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
@@ -130,7 +128,7 @@ pub(crate) fn entries(bytes: &[u8]) -> Vec<Entry> {
     entries
 }
 
-/// A recorded checkpoint with another pickle, its checksums right.
+/// A recorded checkpoint with another pickle and correct checksums.
 pub(crate) fn with_pickle(name: &str, change: impl FnOnce(Vec<u8>) -> Vec<u8>) -> Vec<u8> {
     let mut entries = entries(&fixture(name));
     let pickle = entries.iter_mut().find(|e| e.name.ends_with("/data.pkl"));
@@ -139,7 +137,7 @@ pub(crate) fn with_pickle(name: &str, change: impl FnOnce(Vec<u8>) -> Vec<u8>) -
     zip(&entries, Lies::default())
 }
 
-/// Bytes with each occurrence of something replaced; there must be one.
+/// Bytes with each occurrence of `from` replaced; there must be one.
 pub(crate) fn replaced(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
     let (mut out, mut at, mut found) = (Vec::new(), 0, 0);
     while at < bytes.len() {

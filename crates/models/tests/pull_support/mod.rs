@@ -1,4 +1,4 @@
-//! Models that are published on a server on loopback, whose every answer a test writes by hand.
+//! Models published on a loopback server; tests write every response by hand.
 #![allow(dead_code, unreachable_pub, unused_imports)] // Unit tests of `pull` use a part of it.
 
 use std::net::TcpStream;
@@ -25,7 +25,7 @@ pub fn model(bytes: &[u8]) -> KnownModel {
     }
 }
 
-/// The same with nothing known beforehand.
+/// The same with unknown size and checksum.
 pub fn unknown() -> KnownModel {
     KnownModel {
         bytes: None,
@@ -34,7 +34,7 @@ pub fn unknown() -> KnownModel {
     }
 }
 
-/// Options that find the server, do not wait long, and replace what is there.
+/// Options for this server, with short time limits, that replace existing models.
 pub fn options(server: &Server) -> PullOptions {
     PullOptions {
         base: Some(server.base.clone()),
@@ -44,14 +44,14 @@ pub fn options(server: &Server) -> PullOptions {
     }
 }
 
-/// A download that nobody watches.
+/// A download without progress callback.
 pub fn get(model: &KnownModel, cache: &Cache, server: &Server) -> Result<Pulled, PullError> {
     pull(model, cache, &options(server), &mut |_| {
         ControlFlow::Continue(())
     })
 }
 
-/// The same, unless a model of its name is here.
+/// The same, unless a model of its name is present.
 pub fn get_once(model: &KnownModel, cache: &Cache, server: &Server) -> Result<Pulled, PullError> {
     let once = PullOptions {
         again: false,
@@ -60,7 +60,7 @@ pub fn get_once(model: &KnownModel, cache: &Cache, server: &Server) -> Result<Pu
     watch(model, cache, &once).0
 }
 
-/// A cache in a folder that lives as long as the test.
+/// A cache in a temporary folder.
 pub struct Scratch {
     pub cache: Cache,
     _folder: tempfile::TempDir,
@@ -75,7 +75,7 @@ impl Scratch {
         }
     }
 
-    /// With an older good model under the name of the made-up one.
+    /// With an older intact model under the same name.
     pub fn with_older() -> Self {
         let scratch = Self::new();
         scratch
@@ -89,12 +89,12 @@ impl Scratch {
         self.cache.folder().join("made-up.part")
     }
 
-    /// Names of the files in the cache but for locks, sorted.
+    /// Names of the files in the cache except locks, sorted.
     pub fn files(&self) -> Vec<String> {
         files_in(&self.cache.folder())
     }
 
-    /// Asserts that the older model is as it was, and that nothing else is there but what is named.
+    /// Asserts that the older model is unchanged, and that there are only these other files.
     pub fn assert_older(&self, others: &[&str]) {
         let older = self.cache.find("made-up").unwrap().unwrap();
         assert_eq!(older.read().unwrap(), b"older");
@@ -118,7 +118,7 @@ pub fn files_in(folder: &Path) -> Vec<String> {
     files
 }
 
-/// All progress of a download that nobody stops, with its result.
+/// All progress of a complete download, with its result.
 pub fn watch(
     model: &KnownModel,
     cache: &Cache,
@@ -132,7 +132,7 @@ pub fn watch(
     (result, seen)
 }
 
-/// Downloads a model from a server that answers like this, over an older model.
+/// Downloads a model from a server with these responses, over an older model.
 pub fn fetch(
     model: &KnownModel,
     answer: impl Fn(usize, &Request, &mut TcpStream) + Send + Sync + 'static,
@@ -154,7 +154,7 @@ pub fn fetch_within(
     (watch(model, &scratch.cache, &limited).0, scratch, server)
 }
 
-/// The error of such a download, after which nothing but the older model is there.
+/// The error of such a download; only the older model may remain.
 pub fn fails(
     model: &KnownModel,
     answer: impl Fn(usize, &Request, &mut TcpStream) + Send + Sync + 'static,
@@ -163,7 +163,7 @@ pub fn fails(
     failed(result, &scratch)
 }
 
-/// Asserts that nothing but the older model is there.
+/// Asserts that only the older model is present.
 pub fn failed(result: Result<Pulled, PullError>, scratch: &Scratch) -> PullError {
     let e = result.unwrap_err();
     assert!(!e.to_string().contains('\n'), "{e}");
@@ -171,7 +171,7 @@ pub fn failed(result: Result<Pulled, PullError>, scratch: &Scratch) -> PullError
     e
 }
 
-/// Asserts that what came is kept: how much, and why no more came.
+/// Asserts that the partial download is kept; returns its size and the reason.
 pub fn broke_off(result: Result<Pulled, PullError>, scratch: &Scratch) -> (u64, String) {
     scratch.assert_older(&["made-up.part", "made-up.part.toml"]);
     match result.unwrap_err() {

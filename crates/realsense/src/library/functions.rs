@@ -1,14 +1,13 @@
-//! The functions of librealsense that are used, and the structs that they fill.
+//! The used functions of librealsense, and the structs that they fill.
 
 use libloading::Library;
 use std::ffi::{c_char, c_double, c_float, c_int, c_uint, c_void};
 
-/// Something of the library's own.
+/// An object of the library.
 pub(super) type Object = *mut c_void;
-/// Where a function puts what went wrong.
+/// Error output of a function.
 pub(super) type Fault = *mut Object;
 
-/// `rs2_intrinsics`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Intrinsics {
@@ -37,7 +36,7 @@ macro_rules! functions {
         }
 
         impl Functions {
-            /// Looks all of them up; the name of the first that is missing is the error.
+            /// Looks up all of them; the error is the name of the first missing one.
             pub(super) fn find(library: &Library) -> Result<Self, String> {
                 Ok(Self {
                     $($name: {

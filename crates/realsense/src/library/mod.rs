@@ -1,7 +1,8 @@
-//! The C interface of librealsense (rs.h, rs_pipeline.h, rs_config.h, rs_frame.h, rs_sensor.h of version 2), as far as it is used, behind functions that are
-//! safe to call. Numbers of options differ between versions, so that options are found by their names.
+//! Safe wrappers of the used part of librealsense's C interface (rs.h, rs_pipeline.h, rs_config.h, rs_frame.h, rs_sensor.h of version 2).
+//! Numbers of options differ between versions, so options are found by name.
 //!
-//! `unsafe` is allowed here and nowhere else in the crate: symbols of a library that is loaded at run time have no types that a compiler could check.
+//! `unsafe` is allowed here and nowhere else in the crate: symbols of a library that is loaded at run time have no types that a compiler
+//! could check.
 #![allow(unsafe_code)]
 
 mod functions;
@@ -18,7 +19,7 @@ use std::path::Path;
 use std::ptr::{NonNull, null_mut};
 use std::sync::Arc;
 
-/// `rs2_stream`, `rs2_format` and `rs2_camera_info`: what has had these numbers in all versions.
+/// Values of `rs2_stream`, `rs2_format` and `rs2_camera_info` that are the same in all versions.
 const DEPTH: c_int = 1;
 const COLOUR: c_int = 2;
 const GYRO: c_int = 5;
@@ -32,21 +33,20 @@ const NAME: c_int = 0;
 const SERIAL: c_int = 1;
 /// `RS2_PLAYBACK_STATUS_STOPPED`.
 const STOPPED: c_int = 3;
-/// Options have numbers below this.
+/// Option numbers are below this.
 const MOST_OPTIONS: c_int = 512;
-/// Largest number of image pairs that wait: one second of them.
+/// Maximum number of waiting image pairs: one second of them.
 const WAITING: c_int = 30;
-/// Largest number of image pairs and inertial samples that wait: one second of them, with samples of up to 400 and 250 Hz.
+/// Maximum number of waiting image pairs and inertial samples: one second of them, with samples of up to 400 and 250 Hz.
 const WAITING_INERTIAL: c_int = 700;
 
-/// The library.
 pub(crate) struct Api {
     functions: Functions,
     // Never closed: it may have threads.
     _library: ManuallyDrop<Library>,
 }
 
-/// Something of the library that is given back when it is dropped.
+/// An object of the library, released on drop.
 struct Handle {
     object: NonNull<c_void>,
     free: unsafe extern "C" fn(Object),
@@ -63,22 +63,22 @@ impl Handle {
 
 impl Drop for Handle {
     fn drop(&mut self) {
-        // SAFETY: the object came from the library together with its function, and nobody else has it.
+        // SAFETY: the object came from the library together with its release function, and has no other owner.
         unsafe { (self.free)(self.object.as_ptr()) }
     }
 }
 
-/// A text of the library; empty for none.
+/// A text of the library; empty for null.
 fn text(pointer: *const c_char) -> String {
     if pointer.is_null() {
         return String::new();
     }
-    // SAFETY: texts of the library end with a zero, and live until the next call at least.
+    // SAFETY: texts of the library are zero-terminated, and live at least until the next call.
     let said = unsafe { CStr::from_ptr(pointer) }.to_string_lossy();
     said.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// What the system said, which is under what libloading says; without the file's name, which messages begin with.
+/// The system's error under that of libloading, without the file's name, with which messages begin.
 fn reason(error: &libloading::Error, file: &Path) -> String {
     let said = std::error::Error::source(error).map(ToString::to_string);
     let said = said.unwrap_or_else(|| error.to_string());
@@ -87,16 +87,15 @@ fn reason(error: &libloading::Error, file: &Path) -> String {
     said.strip_prefix(&name).unwrap_or(&said).to_owned()
 }
 
-/// Which camera, and how it is to run.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Wanted {
     pub(crate) serial: Option<CString>,
     /// A recording that is played in place of a camera.
     pub(crate) file: Option<CString>,
-    /// Width and height, px, and frames per second; zeros leave the choice to a recording.
+    /// Width and height, px, and frames per second; zero leaves the choice to a recording.
     pub(crate) size: [i32; 2],
     pub(crate) rate: i32,
-    /// Whether gyroscope and accelerometer run too.
+    /// Whether to start gyroscope and accelerometer too.
     pub(crate) inertial: bool,
 }
 
@@ -110,59 +109,54 @@ pub(crate) struct Motion {
     pub(crate) value: [f32; 3],
 }
 
-/// What comes next.
 pub(crate) enum News {
     Images(Box<Images>),
     Motion(Motion),
-    /// Something else.
     Nothing,
 }
 
-/// A device that is connected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Connected {
     pub(crate) name: String,
     pub(crate) serial: String,
 }
 
-/// A number of the device that can be set: of which sensor, by which name, and to what.
+/// An option of a device: sensor, name and value.
 #[derive(Clone, Debug)]
 pub(crate) struct Setting {
-    /// Words that the sensor's name has; any sensor where empty.
+    /// Part of the sensor's name; empty for any sensor.
     pub(crate) sensor: &'static str,
     pub(crate) option: &'static str,
     pub(crate) value: f32,
 }
 
-/// An image, copied.
 #[derive(Clone, Debug)]
 pub(crate) struct Image {
     pub(crate) width: u32,
     pub(crate) height: u32,
-    /// Bytes from a row to the next.
+    /// Row stride, bytes.
     pub(crate) stride: u32,
     pub(crate) data: Vec<u8>,
-    /// When it was taken by the device's clock, microseconds: as exactly as recordings keep it.
+    /// Exposure time by the device's clock, microseconds: the resolution of recordings.
     pub(crate) stamp_us: i64,
 }
 
-/// What the cameras are.
 #[derive(Clone, Debug)]
 pub(crate) struct Description {
     pub(crate) colour: (Intrinsics, String),
     pub(crate) depth: (Intrinsics, String),
     pub(crate) colour_from_depth: Extrinsics,
-    /// Of the gyroscope, where one runs; why it is not known else.
+    /// Pose of the gyroscope, if started, or the reason why it is unknown.
     pub(crate) colour_from_gyro: Option<Result<Extrinsics, String>>,
     /// Metres per depth value.
     pub(crate) unit: f64,
 }
 
-/// Two images that belong together.
+/// A synchronous pair of images.
 pub(crate) struct Images {
     pub(crate) colour: Image,
     pub(crate) depth: Image,
-    /// When asked for.
+    /// If requested.
     pub(crate) description: Option<Description>,
 }
 
@@ -170,9 +164,9 @@ impl Api {
     /// Loads the library in a file.
     ///
     /// # Errors
-    /// Why it is none.
+    /// The file is not a library.
     pub(crate) fn load(file: &Path) -> Result<Arc<Self>, String> {
-        // Opening a pipe would wait for its other end.
+        // Opening a pipe would block.
         if !file.is_file() {
             return Err("no such file".to_owned());
         }
@@ -187,7 +181,7 @@ impl Api {
         }))
     }
 
-    /// Calls a function that says what went wrong through its last argument.
+    /// Calls a function that reports errors through its last argument.
     fn call<T>(&self, function: impl FnOnce(Fault) -> T) -> Result<T, String> {
         let mut error = null_mut();
         let value = function(&mut error);
@@ -203,7 +197,7 @@ impl Api {
         Err(said)
     }
 
-    /// The same for one that makes something.
+    /// Likewise for a function that creates an object.
     fn make(
         &self,
         free: unsafe extern "C" fn(Object),
@@ -216,7 +210,7 @@ impl Api {
 
     /// The version, as 20540 for 2.54.0.
     pub(crate) fn version(&self) -> Result<i32, String> {
-        // SAFETY: takes nothing but the place for an error.
+        // SAFETY: takes only the error output.
         self.call(|e| unsafe { (self.functions.get_api_version)(e) })
     }
 
@@ -247,11 +241,10 @@ impl Api {
         }
     }
 
-    /// The devices that are connected.
     pub(crate) fn devices(&self) -> Result<Vec<Connected>, String> {
         let f = &self.functions;
         let context = self.context()?;
-        // SAFETY: a context, and a list with as many devices as it says.
+        // SAFETY: a context, and a list with its stated number of devices.
         unsafe {
             let list = self.make(f.delete_device_list, |e| {
                 (f.query_devices)(context.get(), e)
@@ -264,12 +257,12 @@ impl Api {
         }
     }
 
-    /// Starts a device.
     pub(crate) fn start(self: &Arc<Self>, wanted: &Wanted) -> Result<Running, String> {
         let f = &self.functions;
         let context = self.context()?;
         let [width, height] = wanted.size.map(c_int::from);
-        // SAFETY: all objects are those of this library, made just before; texts end with zeros; the queue outlives the pipeline that fills it.
+        // SAFETY: all objects are those of this library, made just before; texts are zero-terminated; the queue outlives the pipeline that
+        // fills it.
         unsafe {
             let config = self.make(f.delete_config, |e| (f.create_config)(e))?;
             if let Some(file) = &wanted.file {

@@ -1,4 +1,4 @@
-//! A device that runs: its options and its images.
+//! A running device: its options and its images.
 
 use super::functions::{Extrinsics, Fault, Intrinsics, Object};
 use super::{
@@ -8,7 +8,7 @@ use super::{
 use std::ffi::c_int;
 use std::sync::Arc;
 
-/// A device that runs. Fields are dropped in their order: the pipeline before the queue that it fills.
+/// A running device. Fields are dropped in order: the pipeline before the queue that it fills.
 pub(crate) struct Running {
     pub(super) api: Arc<Api>,
     pub(super) is_file: bool,
@@ -22,7 +22,7 @@ pub(crate) struct Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // SAFETY: the pipeline runs, and is dropped after this. A device that is gone does not stop, which is as good.
+        // SAFETY: the pipeline runs, and is dropped after this. Stopping an unplugged device fails, which is harmless.
         let _ = self
             .api
             .call(|e| unsafe { (self.api.functions.pipeline_stop)(self.pipeline.get(), e) });
@@ -30,7 +30,6 @@ impl Drop for Running {
 }
 
 impl Running {
-    /// What runs.
     pub(crate) fn connected(&self) -> Connected {
         let device = self.device.as_ref().map(|d| self.api.connected(d));
         device.unwrap_or(Connected {
@@ -39,7 +38,6 @@ impl Running {
         })
     }
 
-    /// Whether a recording has come to its end.
     pub(crate) fn has_ended(&self) -> bool {
         let f = &self.api.functions;
         let Some(device) = self.device.as_ref().filter(|_| self.is_file) else {
@@ -52,10 +50,10 @@ impl Running {
         status == Ok(STOPPED)
     }
 
-    /// Sets an option where a sensor has it; whether one has.
+    /// Sets an option if a sensor has it; returns whether one has.
     ///
     /// # Errors
-    /// The range, when the value is outside; what the device said.
+    /// The range, if the value is outside; errors of the device.
     pub(crate) fn set(&self, setting: &Setting) -> Result<bool, String> {
         let f = &self.api.functions;
         let Some(device) = &self.device else {
@@ -67,7 +65,7 @@ impl Running {
             return Ok(false);
         };
         let mut is_set = false;
-        // SAFETY: sensors of this device, as many as the list says; a sensor has options.
+        // SAFETY: sensors of this device, within the list's stated number; a sensor has options.
         unsafe {
             let list = self
                 .api
@@ -112,10 +110,10 @@ impl Running {
         Ok(is_set)
     }
 
-    /// What comes next: a pair of images, or a sample of the inertial sensor.
+    /// Waits for a pair of images or a sample of the inertial sensor.
     ///
     /// # Errors
-    /// None came in time, or what the device said.
+    /// None came in time, or an error of the device.
     pub(crate) fn next(&self, wait_ms: u32, describe: bool) -> Result<News, String> {
         let f = &self.api.functions;
         // SAFETY: frames are released by their handles; profiles live as long as their frames.
@@ -178,7 +176,7 @@ impl Running {
             .call(|e| unsafe { (self.api.functions.get_frame_stream_profile)(frame.get(), e) })
     }
 
-    /// The kind of stream of a profile that is alive.
+    /// The stream kind of a live profile.
     fn stream(&self, profile: Object) -> Result<c_int, String> {
         let (mut stream, mut format, mut index, mut number, mut rate) = (0, 0, 0, 0, 0);
         // SAFETY: the callers' profiles are those of frames or of a device that are alive.
@@ -204,13 +202,13 @@ impl Running {
         Ok(pose)
     }
 
-    /// Where the gyroscope stands to the colour camera, or why that is not known; none where there is no gyroscope.
+    /// Pose of the gyroscope relative to the colour camera, or the reason why it is unknown; `None` without a gyroscope.
     fn gyro_pose(
         &self,
         colour_profile: Object,
     ) -> Result<Option<Result<Extrinsics, String>>, String> {
         let f = &self.api.functions;
-        // SAFETY: the pipeline's profile is alive, and with it its list and what is in that.
+        // SAFETY: the pipeline's profile is alive, and with it its list and the list's profiles.
         unsafe {
             let list = self.api.make(f.delete_stream_profiles_list, |e| {
                 (f.pipeline_profile_get_streams)(self.profile.get(), e)
@@ -230,10 +228,10 @@ impl Running {
         Ok(None)
     }
 
-    /// A sample of the gyroscope or the accelerometer; none of anything else.
+    /// A sample of the gyroscope or the accelerometer; `None` for other frames.
     fn motion(&self, frame: &Handle, stream: c_int) -> Result<Option<Motion>, String> {
         let f = &self.api.functions;
-        // SAFETY: the frame is alive, and its data has the size that it says.
+        // SAFETY: the frame is alive, and its data has the stated size.
         unsafe {
             let size = self.api.call(|e| (f.get_frame_data_size)(frame.get(), e))?;
             let data = self.api.call(|e| (f.get_frame_data)(frame.get(), e))?;
@@ -269,7 +267,7 @@ impl Running {
 
     fn image(&self, frame: &Handle) -> Result<Image, String> {
         let f = &self.api.functions;
-        // SAFETY: the frame is alive, and its data has the size that it says.
+        // SAFETY: the frame is alive, and its data has the stated size.
         unsafe {
             let number = |get: unsafe extern "C" fn(Object, Fault) -> c_int| {
                 let found = self.api.call(|e| get(frame.get(), e))?;

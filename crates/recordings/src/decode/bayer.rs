@@ -1,9 +1,9 @@
-//! Images of sensors that see one colour per pixel, behind a mosaic of filters.
+//! Demosaicing of Bayer images.
 
-/// Which channel (0 red, 1 green, 2 blue) a pixel sees, by the parities of row and column.
+/// Channel (0 red, 1 green, 2 blue) of a pixel, by the parities of row and column.
 pub(super) type Mosaic = [[usize; 2]; 2];
 
-/// The mosaic of an encoding, and the bytes of a pixel. Names are those of the first two pixels of the first two rows.
+/// The mosaic of an encoding, and the bytes per pixel. The names list the first two pixels of the first two rows.
 pub(super) fn mosaic(encoding: &str) -> Option<(Mosaic, usize)> {
     let rest = encoding.strip_prefix("bayer_")?;
     let (name, bytes) = rest
@@ -20,7 +20,7 @@ pub(super) fn mosaic(encoding: &str) -> Option<(Mosaic, usize)> {
     Some((mosaic, bytes))
 }
 
-/// What each pixel does not see is the mean of those around it that do.
+/// Interpolates each missing channel as the mean of the neighbours that have it.
 pub(super) fn rgb(values: &[u8], width: usize, height: usize, mosaic: Mosaic) -> Vec<u8> {
     let mut out = Vec::with_capacity(3 * width * height);
     for y in 0..height {
@@ -39,7 +39,7 @@ pub(super) fn rgb(values: &[u8], width: usize, height: usize, mosaic: Mosaic) ->
             let value = values[y * width + x];
             out.extend(
                 [0, 1, 2].map(|channel| match (counts[channel], sums[channel]) {
-                    // An image of one row or column does not have all of them.
+                    // An image of one row or column lacks some channels.
                     (0, _) => value,
                     _ if channel == own => value,
                     (count, sum) => ((sum + count / 2) / count) as u8,
@@ -60,7 +60,7 @@ mod tests {
         for name in ["rggb", "bggr", "gbrg", "grbg"] {
             let (mosaic, bytes) = mosaic(&format!("bayer_{name}8")).unwrap();
             assert_eq!(bytes, 1);
-            // The name says what the first pixels see.
+            // The name states the colours of the first pixels.
             let letters = name
                 .bytes()
                 .map(|b| b"rgb".iter().position(|l| *l == b).unwrap());

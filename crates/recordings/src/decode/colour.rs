@@ -1,4 +1,4 @@
-//! Colour images.
+//! Decodes colour images.
 
 use super::{Bad, Result, bayer, rows, size, yuv};
 use image::DynamicImage;
@@ -7,14 +7,12 @@ use stillpoint_datasets::{decode_image, image_format, image_size};
 use stillpoint_imaging::{ColourImage, GrayImage};
 use stillpoint_ros_messages::Image;
 
-/// Encodings that are read, for messages.
 const KNOWN: &str = "rgb8, bgr8, rgba8, bgra8, mono8, the same of 16 bits, bayer_* of 8 or 16 bits, yuv422, yuv422_yuy2, uyvy, yuyv, nv12, nv21, nv24, i420, yv12 or mjpg";
 
-/// A decoded colour image.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Colour {
     pub(crate) gray: GrayImage,
-    /// `None` unless it was asked for.
+    /// `None` unless requested.
     pub(crate) colour: Option<Arc<ColourImage>>,
 }
 
@@ -36,7 +34,7 @@ impl Colour {
     }
 }
 
-/// Whether an encoding is one of colour or grey images; those of depth are others.
+/// Whether an encoding is one of colour or grey images.
 pub(crate) fn is_colour(encoding: &str) -> bool {
     layout(encoding).is_some()
         || yuv::order(encoding).is_some()
@@ -45,17 +43,17 @@ pub(crate) fn is_colour(encoding: &str) -> bool {
         || is_jpeg(encoding)
 }
 
-/// Whether the height that a message states may be that of several planes.
+/// Whether the stated height may count the rows of several planes.
 pub(crate) fn has_planes(encoding: &str) -> bool {
     yuv::planes(encoding).is_some()
 }
 
-/// Cameras that send JPEG leave it as it is, though it is in no message of compressed images.
+/// Some drivers send JPEG in raw image messages.
 fn is_jpeg(encoding: &str) -> bool {
     matches!(encoding, "mjpg" | "mjpeg" | "MJPG" | "jpeg")
 }
 
-/// Channels, which of them are red, green and blue, and the bytes of each; one channel for grey.
+/// Number of channels, indices of red, green and blue, and bytes per channel; one channel for grey.
 fn layout(encoding: &str) -> Option<(usize, [usize; 3], usize)> {
     Some(match encoding {
         "rgb8" | "8UC3/rgb" => (3, [0, 1, 2], 1),
@@ -72,7 +70,7 @@ fn layout(encoding: &str) -> Option<(usize, [usize; 3], usize)> {
     })
 }
 
-/// A raw image. `keep`: whether somebody looks at colours.
+/// Decodes a raw image. `keep`: whether colour is needed.
 pub(crate) fn colour(image: &Image<'_>, keep: bool) -> Result<Colour> {
     if is_jpeg(&image.encoding) {
         return compressed_colour(&image.data, keep);
@@ -127,12 +125,12 @@ pub(crate) fn colour(image: &Image<'_>, keep: bool) -> Result<Colour> {
     Ok(Colour::of_rgb(rgb, keep))
 }
 
-/// Of two bytes the place of the more significant one.
+/// Offset of the more significant of two bytes.
 fn significant(image: &Image<'_>, bytes: usize) -> usize {
     usize::from(bytes == 2 && image.is_bigendian == 0)
 }
 
-/// The more significant byte of each pixel of an image of one channel.
+/// The more significant byte of each pixel of a single-channel image.
 fn channels<'i>(
     image: &'i Image<'_>,
     bytes: usize,
@@ -143,7 +141,6 @@ fn channels<'i>(
     Ok(lines.flat_map(move |row| row.chunks_exact(bytes).map(move |p| p[at])))
 }
 
-/// Decodes a PNG, JPEG or WebP that is whole.
 pub(super) fn decode(data: &[u8], expected: &str) -> Result<DynamicImage> {
     let Some(format) = image_format(data) else {
         let found = format!("{} bytes of another format", data.len());
@@ -153,12 +150,11 @@ pub(super) fn decode(data: &[u8], expected: &str) -> Result<DynamicImage> {
         .map_err(|why| Bad::new(expected, format!("a broken {format:?} image ({why})")))
 }
 
-/// Width and height of a compressed image by its head, where that reads.
+/// Width and height from the header of a compressed image, if valid.
 pub(crate) fn stated_size(data: &[u8]) -> Option<(u32, u32)> {
     image_size(data, image_format(data)?).ok()
 }
 
-/// A compressed image, which says itself what it is.
 pub(crate) fn compressed_colour(data: &[u8], keep: bool) -> Result<Colour> {
     let image = decode(data, "a PNG, JPEG or WebP image")?;
     let (width, height) = (image.width() as usize, image.height() as usize);

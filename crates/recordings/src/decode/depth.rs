@@ -1,4 +1,4 @@
-//! Depth images.
+//! Decodes depth images.
 
 use super::colour::decode;
 use super::{Bad, Result, rows, size};
@@ -6,17 +6,13 @@ use image::DynamicImage;
 use stillpoint_imaging::{DepthImage, rvl};
 use stillpoint_ros_messages::Image;
 
-/// Whether an encoding is one of depth images.
 pub(crate) fn is_depth(encoding: &str) -> bool {
     matches!(encoding, "16UC1" | "mono16" | "32FC1" | "Z16" | "z16")
 }
 
-/// Values per metre of depth images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Unit {
-    /// Of those that hold whole numbers.
     pub(crate) whole: f64,
-    /// Of those that hold floats.
     pub(crate) float: f64,
 }
 
@@ -31,7 +27,7 @@ impl Default for Unit {
 }
 
 impl Unit {
-    /// The values per metre of images of this encoding.
+    /// The values per metre for this encoding.
     pub(crate) fn of(&self, encoding: &str) -> f64 {
         if is_float(encoding) {
             self.float
@@ -41,7 +37,7 @@ impl Unit {
     }
 }
 
-/// Whether an encoding, or the format of a compressed image, says that values are floats.
+/// Whether an encoding, or the format of a compressed image, holds floats.
 pub(crate) fn is_float(encoding: &str) -> bool {
     encoding.trim_start().starts_with("32FC1")
 }
@@ -50,7 +46,7 @@ fn finish(width: usize, height: usize, data: Vec<f32>) -> Result<DepthImage> {
     DepthImage::from_vec(width, height, data).map_err(|e| Bad::new("a depth image", e.to_string()))
 }
 
-/// Metres of a value; 0 and 65535 stand for no measurement. Rounded once, as depth files are.
+/// Metres of a value; 0 and 65535 mean no measurement. Rounded once, as in depth files.
 fn metres(raw: u16, scale: f64) -> f32 {
     if raw == u16::MAX {
         0.0
@@ -64,7 +60,7 @@ fn table(scale: f64) -> Vec<f32> {
     (0..=u16::MAX).map(|raw| metres(raw, scale)).collect()
 }
 
-/// Metres of a float; what is no distance becomes none.
+/// Metres of a float; invalid values become no measurement.
 fn float_metres(z: f32, scale: f64) -> f32 {
     if z.is_finite() && z > 0.0 {
         (f64::from(z) / scale) as f32
@@ -73,7 +69,6 @@ fn float_metres(z: f32, scale: f64) -> f32 {
     }
 }
 
-/// A raw image.
 pub(crate) fn depth(image: &Image<'_>, unit: Unit) -> Result<DepthImage> {
     let (width, height) = size(image.width, image.height)?;
     let scale = unit.of(&image.encoding);
@@ -116,14 +111,14 @@ pub(crate) fn depth(image: &Image<'_>, unit: Unit) -> Result<DepthImage> {
     }
 }
 
-/// Bytes before the image: what it is, and two parameters.
+/// Size of the header before the image: format and two parameters.
 const HEAD: usize = 12;
 const PNG: &[u8] = b"\x89PNG";
 const JPEG: &[u8] = &[0xff, 0xd8, 0xff];
-/// Side of an image at most, px: what lies beyond is no size, but a head.
+/// Maximum side of an image, px: larger values mean that a header is present.
 const MAX_SIDE: u32 = 1 << 15;
 
-/// Width and height of such an image, where it says them.
+/// Stated width and height of a compressed depth image, if any.
 pub(crate) fn stated_size(format: &str, data: &[u8]) -> Option<(u32, u32)> {
     let (_, image) = head(format, data).ok()?;
     if is_rvl(format) {
@@ -132,13 +127,13 @@ pub(crate) fn stated_size(format: &str, data: &[u8]) -> Option<(u32, u32)> {
     super::stated_size(image)
 }
 
-/// Two numbers at the beginning of bytes.
 fn two_words(bytes: &[u8]) -> Option<[u32; 2]> {
     let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
     Some([word(0)?, word(4)?])
 }
 
-/// The head of a compressed depth image, where there is one, and the image. Some programs write the image alone: the head's second number is 0, or a float that is no size.
+/// Splits off the header of a compressed depth image, if there is one. Some programs write the image alone: the second integer of the
+/// header is 0, or a float that is no valid size.
 fn head<'d>(format: &str, data: &'d [u8]) -> Result<(Option<&'d [u8]>, &'d [u8])> {
     let is_size = |[w, h]: [u32; 2]| (1..=MAX_SIDE).contains(&w) && (1..=MAX_SIDE).contains(&h);
     let is_alone = if is_rvl(format) {
@@ -159,10 +154,9 @@ fn is_rvl(format: &str) -> bool {
     format.to_lowercase().contains("rvl")
 }
 
-/// What a compressed depth image is.
 const COMPRESSED: &str = "a 16-bit grey PNG or RVL, after 12 bytes or alone";
 
-/// Whether a compressed image holds depth as `image_transport` names it, or is a 16-bit grey PNG, which no colour image is.
+/// Whether a compressed image is depth: by its `image_transport` format, or because it is a 16-bit grey PNG.
 pub(crate) fn is_compressed_depth(format: &str) -> bool {
     let pixels = format.split(';').next().unwrap_or_default().trim();
     format.contains("compressedDepth") || matches!(pixels, "16UC1" | "32FC1")
@@ -170,7 +164,7 @@ pub(crate) fn is_compressed_depth(format: &str) -> bool {
 
 /// Whether bytes begin as a PNG of one channel of 16 bits.
 pub(crate) fn is_deep_png(data: &[u8]) -> bool {
-    // Signature, length and name of the first chunk, width, height; bits and kind of colour.
+    // Signature, length and name of the first chunk, width, height; then bit depth and colour type.
     data.starts_with(PNG) && data.get(24..26) == Some(&[16, 0])
 }
 
@@ -179,7 +173,7 @@ fn whole_numbers(format: &str, image: &[u8]) -> Result<(usize, usize, Vec<u16>)>
         let short = || Bad::new(COMPRESSED, format!("{} bytes", image.len()));
         let [w, h] = two_words(image).ok_or_else(short)?;
         let (width, height) = size(w, h)?;
-        // A pixel takes an eighth of half a byte at least, but for runs of zeros, which take none.
+        // A pixel takes at least an eighth of half a byte, except in runs of zeros.
         let mut raw = Vec::new();
         rvl::decode(&image[8..], width * height, &mut raw)
             .ok_or_else(|| Bad::new(COMPRESSED, format!("broken RVL of {width} x {height} px")))?;
@@ -202,8 +196,8 @@ fn whole_numbers(format: &str, image: &[u8]) -> Result<(usize, usize, Vec<u16>)>
     }
 }
 
-/// An image of compressed_depth_image_transport, PNG or RVL after twelve bytes, or of another program without these. `format` is the message's; where it says
-/// 32FC1, values are those of inverse depth, `a / (value - b)`.
+/// Decodes an image of compressed_depth_image_transport, PNG or RVL after twelve bytes, or of another program without these. `format` is
+/// the message's; for 32FC1 the values are inverse depth, `a / (value - b)`.
 pub(crate) fn compressed_depth(format: &str, data: &[u8], unit: Unit) -> Result<DepthImage> {
     let (head, image) = head(format, data)?;
     let scale = unit.of(format);
@@ -271,7 +265,7 @@ mod tests {
         };
         let found = depth(&image("32FC1", 8, &values.concat()), unit).unwrap();
         assert_eq!(found.data(), [1.5, 0.25, 0.0, 2.0]);
-        // That of floats does not touch whole numbers.
+        // The scale of floats does not affect integers.
         let found = depth(&image("16UC1", 4, &[0xe8, 3, 0, 0, 0, 0, 0, 0]), unit).unwrap();
         assert_eq!(found.data(), [1.0, 0.0, 0.0, 0.0]);
     }
@@ -306,7 +300,7 @@ mod tests {
             let parts = ["8 bits", "compressedDepth"];
             assert!(parts.iter().all(|p| said.contains(p)), "{said}");
         }
-        // RVL: one pixel of the value 60, with and without the head.
+        // RVL: one pixel of the value 60, with and without the header.
         let rvl = [1_u32, 1, 0x018f_1000].map(u32::to_le_bytes).concat();
         for head in [0, HEAD] {
             let bytes = [&vec![0; head][..], &rvl].concat();

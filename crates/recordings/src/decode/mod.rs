@@ -1,4 +1,4 @@
-//! Messages to images: colour to grey and RGB, depth to metres.
+//! Decodes image messages: colour to grey and RGB, depth to metres.
 
 mod bayer;
 pub(crate) mod colour;
@@ -10,7 +10,7 @@ pub(crate) use depth::{compressed_depth, depth};
 
 use stillpoint_datasets::MOST_PIXELS;
 
-/// What an image is not, and what it is instead.
+/// Expected and found, for an image that cannot be decoded.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Bad {
     pub(crate) expected: String,
@@ -28,7 +28,7 @@ impl Bad {
 
 type Result<T> = std::result::Result<T, Bad>;
 
-/// Rows of an image without what pads them: `row` bytes of every `step`; where that is not filled in, nothing pads them.
+/// Rows of an image without padding: `row` bytes of every `step`; a step of 0 means no padding.
 fn rows(data: &[u8], height: u32, step: u32, row: usize) -> Result<impl Iterator<Item = &[u8]>> {
     let (step, height) = (step as usize, height as usize);
     let step = if step == 0 { row } else { step };
@@ -45,7 +45,6 @@ fn rows(data: &[u8], height: u32, step: u32, row: usize) -> Result<impl Iterator
     Ok(data.chunks(step).take(height).map(move |r| &r[..row]))
 }
 
-/// Width and height of an image that can be worked with.
 fn size(width: u32, height: u32) -> Result<(usize, usize)> {
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 || pixels > MOST_PIXELS {

@@ -1,6 +1,6 @@
-//! YUV, as cameras send it over USB and phones keep it: pairs of pixels in a row (4:2:2), or luminance in one plane and chroma behind it.
+//! Decodes YUV images: packed pairs of pixels (4:2:2), or a luma plane followed by chroma.
 
-/// Where the two luminances and the chroma of a pair of pixels are.
+/// Byte positions of the two luma values and the chroma of a pair of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Order {
     luma: [usize; 2],
@@ -25,7 +25,7 @@ pub(super) fn order(encoding: &str) -> Option<Order> {
     }
 }
 
-/// RGB by ITU-R BT.601, with luminance from 16 to 235.
+/// RGB by ITU-R BT.601, with luma from 16 to 235.
 fn pixel(luma: u8, blue: u8, red: u8) -> [u8; 3] {
     let (u, v) = (i32::from(blue) - 128, i32::from(red) - 128);
     let y = 298 * (i32::from(luma) - 16) + 128;
@@ -33,7 +33,6 @@ fn pixel(luma: u8, blue: u8, red: u8) -> [u8; 3] {
     channels.map(|c| (c >> 8).clamp(0, 255) as u8)
 }
 
-/// Rows of pairs of pixels as RGB.
 pub(super) fn rgb<'a>(
     rows: impl Iterator<Item = &'a [u8]>,
     width: usize,
@@ -55,17 +54,16 @@ pub(super) fn rgb<'a>(
     out
 }
 
-/// Chroma behind the plane of luminance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Planes {
-    /// Pixels along each side that share a chroma.
+    /// Number of pixels along each side that share a chroma value.
     shared: usize,
-    /// Both of a pixel beside each other; else in two planes.
+    /// Interleaved chroma; otherwise two planes.
     together: bool,
     red_first: bool,
 }
 
-/// The planes of an encoding: names of ROS, and those of the drivers that have others.
+/// The layout of an encoding, by the names of ROS and of some drivers.
 pub(super) fn planes(encoding: &str) -> Option<Planes> {
     let of = |shared, together, red_first| {
         Some(Planes {
@@ -85,7 +83,7 @@ pub(super) fn planes(encoding: &str) -> Option<Planes> {
 }
 
 impl Planes {
-    /// Bytes of a row of chroma, and of all of it, behind rows of luminance of `step` bytes.
+    /// Bytes of a chroma row, and of all chroma, for luma rows of `step` bytes.
     fn chroma(&self, height: usize, step: usize) -> (usize, usize) {
         let rows = height.div_ceil(self.shared);
         let row = step.div_ceil(self.shared);
@@ -96,13 +94,13 @@ impl Planes {
         }
     }
 
-    /// Height of the image, where the bytes are there. Some drivers state the rows of chroma with those of luminance, and send as many bytes as that.
+    /// Height of the image, if enough bytes are present. Some drivers include the rows of chroma in the stated height.
     fn height(&self, bytes: usize, stated: usize, step: usize) -> Option<usize> {
         let size = |height: usize| height * step + self.chroma(height, step).1;
         if size(stated) <= bytes {
             return Some(stated);
         }
-        // Luminance is two thirds of what is sent, or a third.
+        // Luma is two thirds of the data, or a third.
         let of_all = if self.shared == 2 { [2, 3] } else { [1, 3] };
         let height = stated * of_all[0] / of_all[1];
         let all = stated * step;
@@ -167,7 +165,7 @@ mod tests {
 
     #[test]
     fn chroma_behind_the_image_is_found() {
-        // 4 x 2 px: red on the left, white on the right; rows of chroma for two rows of luminance.
+        // 4 x 2 px: red on the left, white on the right; rows of chroma for two rows of luma.
         let luma = [81, 81, 235, 235, 81, 81, 235, 235];
         let near = |found: &[u8], name: &str| {
             for (i, p) in found.chunks(3).enumerate() {
@@ -196,7 +194,7 @@ mod tests {
             assert!(planes.rgb(&bytes[..bytes.len() - 1], (4, 2), 4).is_none());
             assert!(planes.rgb(&bytes, (5, 2), 4).is_none());
         }
-        // Odd sides: the last column and row have a chroma of their own.
+        // Odd sides: the last column and row have their own chroma.
         let bytes = [&[235; 9][..], &[128; 8]].concat();
         let (found, _) = planes("nv12").unwrap().rgb(&bytes, (3, 3), 3).unwrap();
         assert_eq!(found, [255; 27]);

@@ -1,4 +1,4 @@
-//! Bags of ROS 1, version 2.0, <https://wiki.ros.org/Bags/Format/2.0>: records one after the other, messages in chunks.
+//! ROS 1 bags, version 2.0, <https://wiki.ros.org/Bags/Format/2.0>: consecutive records, messages in chunks.
 
 use super::Contents;
 use super::blocks::{Block, BlockFile, Bytes, Compression};
@@ -10,7 +10,6 @@ use crate::error::{RecordingError, Result};
 use std::collections::BTreeMap;
 use stillpoint_ros_messages::Format;
 
-/// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 
 const MESSAGE: u8 = 0x02;
@@ -18,12 +17,10 @@ const BAG_HEADER: u8 = 0x03;
 const CHUNK: u8 = 0x05;
 const CONNECTION: u8 = 0x07;
 
-/// Bytes of a record's header at most; those of connections have all of a definition in their data.
+/// Maximum size of a record header, bytes; those of connections hold the definition in their data.
 const LARGEST_HEADER: u32 = 1 << 16;
-/// Bytes of a connection's data at most.
 const LARGEST_CONNECTION: u64 = 1 << 24;
 
-/// Scans a file.
 pub(crate) fn open(
     bytes: Bytes,
     file: u16,
@@ -40,11 +37,10 @@ pub(crate) fn open(
 
 struct Scan<'b> {
     scanned: Scanned<'b>,
-    /// Topic and type by number, and the index in the contents; without one it is left out.
+    /// Topic and type by number, and the channel index; without one the connection is ignored.
     connections: BTreeMap<u32, (String, String, Option<u32>)>,
 }
 
-/// Fields of a header by name.
 #[derive(Debug, Default)]
 struct Fields<'a>(Vec<(&'a [u8], &'a [u8])>);
 
@@ -80,7 +76,7 @@ impl<'a> Fields<'a> {
 }
 
 impl Scan<'_> {
-    /// Records that lie in the file as they are, from `at` to `end`.
+    /// Uncompressed records from `at` to `end`.
     fn records(&mut self, mut at: u64, end: u64, level: Level) -> Result<()> {
         while at < end {
             let Some((header, data, len)) = self.frame(at, end)? else {
@@ -107,7 +103,7 @@ impl Scan<'_> {
                     let head = self.scanned.store.bytes.get(data, len.min(wanted))?;
                     self.message(&fields, &head, None, data, len);
                 }
-                // Indexes: everything is found without them.
+                // Indexes are not needed.
                 _ => {}
             }
             if !whole {
@@ -119,7 +115,7 @@ impl Scan<'_> {
         Ok(())
     }
 
-    /// Header, place of the data and its length, of the record at `at`.
+    /// Header, data offset and data length of the record at `at`.
     fn frame(&mut self, at: u64, end: u64) -> Result<Option<(Vec<u8>, u64, u64)>> {
         let mut word = [0; 4];
         if end - at < 4 || !self.scanned.store.bytes.fill(at, &mut word)? {
@@ -149,7 +145,7 @@ impl Scan<'_> {
         }
     }
 
-    /// The first of a number counts: another one is damage.
+    /// The first declaration of a number counts; a different one is damage.
     fn connection(&mut self, fields: &Fields<'_>, data: &[u8]) {
         let read = (|| {
             let id = fields.u32("conn")?;
@@ -186,7 +182,7 @@ impl Scan<'_> {
         self.connections.get(&fields.u32("conn")?)?.2
     }
 
-    /// Bytes of a message that are looked at.
+    /// Number of bytes of a message that are read.
     fn wanted(&self, fields: &Fields<'_>) -> usize {
         self.scanned.wanted(self.index_of(fields))
     }
@@ -212,7 +208,7 @@ impl Scan<'_> {
         self.scanned.contents.message(channel, logged, head, place);
     }
 
-    /// A chunk of which `len` bytes are there, which is all of it or not.
+    /// A chunk with `len` bytes present; `whole` if it is complete.
     fn chunk(&mut self, fields: &Fields<'_>, offset: u64, len: u64, whole: bool) -> Result<()> {
         let name = fields.text("compression").unwrap_or_default();
         let size = u64::from(fields.u32("size").unwrap_or(0));
@@ -241,7 +237,7 @@ impl Scan<'_> {
         Ok(())
     }
 
-    /// Records within a compressed chunk, which begins at `at`.
+    /// Records of a decompressed chunk, which begins at `at`.
     fn unpacked(&mut self, bytes: &[u8], block: u32, at: u64) {
         let mut from = Cursor::new(bytes);
         let mut done = 0_u64;

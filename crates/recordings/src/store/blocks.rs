@@ -1,4 +1,4 @@
-//! A file with compressed blocks in it: reading at any place, with the blocks that were used last kept decompressed.
+//! A file with compressed blocks: random access, with a cache of decompressed blocks.
 
 use super::{Place, Store};
 use crate::budget::{LARGEST_BLOCK, LARGEST_IMAGE, MOST_KEPT, SLOW, Unpacking};
@@ -7,7 +7,6 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// How bytes were compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compression {
     Zstd,
@@ -16,7 +15,7 @@ pub(crate) enum Compression {
 }
 
 impl Compression {
-    /// By the name that MCAP and ROS 1 give it; `None` within for none.
+    /// By the name in MCAP and ROS 1; the inner `None` means uncompressed.
     pub(crate) fn named(name: &str) -> Option<Option<Self>> {
         match name {
             "" | "none" => Some(None),
@@ -28,13 +27,13 @@ impl Compression {
     }
 }
 
-/// Decompresses, up to `largest` bytes. What came before an error is given as well: it is what a cut-off file still holds.
+/// Decompresses up to `largest` bytes. Also returns the bytes before an error, which a truncated file still holds.
 pub(crate) fn decompress(
     how: Compression,
     bytes: &[u8],
     largest: u64,
 ) -> (Vec<u8>, Option<String>) {
-    // Pages that are not written to take no memory.
+    // Untouched pages take no memory.
     let mut out = Vec::with_capacity(largest.min(64 * bytes.len() as u64) as usize);
     let mut read = |from: &mut dyn Read| {
         let read = from.take(largest + 1).read_to_end(&mut out);
@@ -54,19 +53,17 @@ pub(crate) fn decompress(
     (out, error)
 }
 
-/// What is wrong with a frame of Zstandard that was read to its end and states a checksum: the decoder leaves it to who uses it.
+/// Checks the checksum of a completely read Zstandard frame, which the decoder leaves to its caller.
 pub(crate) fn wrong_checksum(decoder: &ruzstd::decoding::FrameDecoder) -> Option<String> {
     let stated = decoder.get_checksum_from_data()?;
     let found = decoder.get_calculated_checksum()?;
     (decoder.is_finished() && stated != found).then(|| wrong_crc("checksum", stated, found))
 }
 
-/// A checksum that does not match, in words.
 pub(crate) fn wrong_crc(which: &str, stated: u32, found: u32) -> String {
     format!("its {which} is {found:08x} instead of {stated:08x}")
 }
 
-/// A compressed block, where it lies.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
     pub(crate) offset: u64,
@@ -75,7 +72,6 @@ pub(crate) struct Block {
     pub(crate) how: Compression,
 }
 
-/// A file that is read at any place.
 #[derive(Debug)]
 pub(crate) struct Bytes {
     pub(crate) path: PathBuf,
@@ -96,7 +92,7 @@ impl Bytes {
         })
     }
 
-    /// Fills `out` from `offset` on; false where the file ends before.
+    /// Fills `out` from `offset`; false at the end of the file.
     pub(crate) fn fill(&mut self, offset: u64, out: &mut [u8]) -> Result<bool> {
         if offset
             .checked_add(out.len() as u64)
@@ -106,7 +102,7 @@ impl Bytes {
         }
         let error = RecordingError::read(&self.path);
         match i64::try_from(offset).ok().zip(i64::try_from(self.at).ok()) {
-            // What is in the buffer already is not read again.
+            // Keeps the buffer where possible.
             Some((to, from)) => self.file.seek_relative(to - from),
             None => self.file.seek(SeekFrom::Start(offset)).map(drop),
         }
@@ -117,14 +113,14 @@ impl Bytes {
         Ok(true)
     }
 
-    /// At most `len` bytes from `offset` on: fewer where the file ends.
+    /// Up to `len` bytes from `offset`; fewer at the end of the file.
     pub(crate) fn get(&mut self, offset: u64, len: u64) -> Result<Vec<u8>> {
         let mut out = vec![0; len.min(self.len.saturating_sub(offset)) as usize];
         self.fill(offset, &mut out)?;
         Ok(out)
     }
 
-    /// The CRC-32 of `len` bytes from `offset` on, as far as they are there.
+    /// The CRC-32 of up to `len` bytes from `offset`.
     pub(crate) fn crc(&mut self, offset: u64, len: u64) -> Result<crc32fast::Hasher> {
         const STEP: u64 = 1 << 20;
         let mut hasher = crc32fast::Hasher::new();
@@ -141,26 +137,25 @@ impl Bytes {
     }
 }
 
-/// Decompressed blocks that are kept: colour and depth of one moment may lie in two, and their next ones in a third.
+/// Number of cached blocks: colour and depth of one moment may lie in two, and their successors in a third.
 const KEPT: usize = 3;
 
-/// A file with its blocks.
 #[derive(Debug)]
 pub(crate) struct BlockFile {
     pub(crate) bytes: Bytes,
     pub(crate) blocks: Vec<Block>,
 }
 
-/// The decompressed blocks of a recording that were used last, and what may still be decompressed of it.
+/// Cache of decompressed blocks, and the remaining budget.
 #[derive(Debug, Default)]
 pub(crate) struct Blocks {
-    /// By file and number, the newest last.
+    /// By file and block number, the newest last.
     kept: Vec<((u16, u32), Vec<u8>)>,
     pub(crate) unpacking: Unpacking,
 }
 
 impl Blocks {
-    /// Keeps a block, and of the others the newest that there is room for.
+    /// Caches a block, and evicts the oldest beyond the limits.
     fn keep(&mut self, key: (u16, u32), block: Vec<u8>) {
         let mut bytes = block.len();
         self.kept.push((key, block));
@@ -174,12 +169,9 @@ impl Blocks {
     }
 }
 
-/// A block, decompressed.
 #[derive(Debug)]
 pub(crate) enum Unpacked {
-    /// As far as it goes, and what is wrong with it.
     Bytes(Vec<u8>, Option<String>),
-    /// It would be more than the recording may unpack to.
     TooMuch,
 }
 
@@ -191,12 +183,11 @@ impl BlockFile {
         }
     }
 
-    /// Decompresses a block.
     pub(crate) fn unpack(&mut self, index: u32, unpacking: &mut Unpacking) -> Result<Unpacked> {
         let block = self.blocks[index as usize];
         let stored = self.bytes.get(block.offset, block.stored)?;
         let packed = stored.len() as u64;
-        // What it states is held against the budget before it is unpacked, since that takes its time.
+        // Checks the stated size against the budget first, since decompression takes time.
         let effort = if block.how == Compression::Bzip2 {
             SLOW
         } else {
@@ -226,7 +217,7 @@ impl Store for BlockFile {
             blocks.kept.push(found);
         } else {
             match self.unpack(block, &mut blocks.unpacking)? {
-                // What is wrong with it was said when it was scanned.
+                // Errors were reported by the scan.
                 Unpacked::Bytes(bytes, _) => blocks.keep(key, bytes),
                 Unpacked::TooMuch => return Err(Unpacking::exceeded(&self.bytes.path)),
             }
@@ -251,7 +242,7 @@ mod tests {
         }
         let kept = |blocks: &Blocks| blocks.kept.iter().map(|(k, _)| k.1).collect::<Vec<_>>();
         assert_eq!(kept(&blocks), [3, 4]);
-        // One alone is always kept: what is asked for lies in it.
+        // The newest block is always kept, since it is needed.
         blocks.keep((1, 7), vec![0; MOST_KEPT]);
         assert_eq!(kept(&blocks), [7]);
         for i in 0..9 {
@@ -282,7 +273,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("zeros.mcap");
         std::fs::write(&path, file).unwrap();
-        // Each chunk takes what is beyond a hundred times its packed size.
+        // Each chunk consumes the part beyond a hundred times its packed size.
         let beyond = SIZE - 100 * packed.len() as u64;
         let mut unpacking = Unpacking::of(4 * beyond);
         let bytes = Bytes::open(&path).unwrap();
@@ -292,7 +283,7 @@ mod tests {
         let at = 8 + 4 * (9 + chunk.len() as u64) + 9;
         let expected = format!("5 chunks, the first at byte {at}, are left out");
         assert!(said.contains(&expected), "{said}");
-        // Reading has the same bound.
+        // Reading has the same limit.
         let place = |block: u32| Place {
             file: 0,
             block: Some(block),

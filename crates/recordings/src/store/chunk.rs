@@ -1,22 +1,20 @@
-//! A compressed chunk of messages, unpacked while a file is scanned; what is wrong with it is said.
+//! Decompresses a chunk of messages during a scan, and reports damage.
 
 use super::Contents;
 use super::blocks::{Block, BlockFile, Unpacked, wrong_crc};
 use crate::budget::{LARGEST_BLOCK, Unpacking};
 use crate::error::Result;
 
-/// A chunk, as its head has it.
 pub(super) struct Chunk {
-    /// Where it begins, for messages.
+    /// Its offset, for messages.
     pub(super) at: u64,
-    /// CRC-32 of what it holds, unpacked; 0 for none.
+    /// CRC-32 of the decompressed contents; 0 for none.
     pub(super) crc: u32,
-    /// All of it is in the file.
     pub(super) whole: bool,
 }
 
 impl Chunk {
-    /// What it holds, with the number of its block; none where it is left out, which is said.
+    /// The contents with the block number; `None`, with a remark, if it is skipped.
     pub(super) fn unpack(
         &self,
         block: Block,
@@ -40,7 +38,7 @@ impl Chunk {
                 return Ok(None);
             }
         };
-        // What is left of a chunk that was cut off is used; one that is all there and does not unpack to what was packed holds anything.
+        // The intact part of a truncated chunk is used; a complete chunk with an error may hold anything, and is skipped.
         let error = match error {
             None => self.wrong_sum(|| Ok(crc32fast::hash(&bytes)))?,
             error => error,
@@ -58,7 +56,7 @@ impl Chunk {
         Ok(Some((index, bytes)))
     }
 
-    /// What is wrong with the checksum of one that is all there and has one, by that of its bytes.
+    /// Checks the checksum of a complete chunk, if stated.
     pub(super) fn wrong_sum(
         &self,
         of_bytes: impl FnOnce() -> Result<u32>,
@@ -70,7 +68,6 @@ impl Chunk {
         Ok((found != self.crc).then(|| wrong_crc("CRC-32", self.crc, found)))
     }
 
-    /// Says that it is damaged and left out.
     pub(super) fn leave_out(&self, why: &str, contents: &mut Contents) {
         let at = self.at;
         contents

@@ -1,4 +1,4 @@
-//! What the files of a recording hold.
+//! Index of the messages in the files of a recording.
 
 use super::{Channel, HEAD, Place, Slot, full_name, head_of, header_stamp, is_looked_into};
 use crate::budget::{self, LONGEST_NAME, MOST_CHANNELS, MOST_OF_A_TYPE, Remarks, one_line};
@@ -7,46 +7,39 @@ use std::collections::BTreeMap;
 use stillpoint_ros_messages as ros;
 use stillpoint_ros_messages::{Format, from_bytes};
 
-/// Messages of a channel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Count {
     pub(crate) messages: u64,
-    /// When the first and the last of them was received, ns.
+    /// Times at which the first and the last were received, ns.
     pub(crate) first: i64,
     pub(crate) last: i64,
-    /// Samples of a sensor that do not read, or whose values are no numbers.
+    /// Number of sensor messages that are unreadable or not finite.
     pub(crate) unsound: u64,
 }
 
-/// What a file holds.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Contents {
     pub(crate) channels: Vec<Channel>,
-    /// One for each channel.
+    /// One per channel.
     pub(crate) counts: Vec<Count>,
-    /// Messages of the types that are looked into, in the order of the file.
+    /// Messages of parsed types, in file order.
     pub(crate) slots: Vec<Slot>,
-    /// What is damaged or missing, one sentence each.
     pub(crate) remarks: Remarks,
-    /// Index of each channel by name, type and encoding.
+    /// Channel index by name, type and encoding.
     index: BTreeMap<(String, String, u8), u32>,
-    /// Topics of each type.
     of_type: BTreeMap<String, usize>,
-    /// Bytes of the files.
     bytes: u64,
-    /// Topics and messages that are beyond the budget.
     topics_beyond: u64,
     messages_beyond: u64,
-    /// Chunks that are, and where the first of them is.
+    /// Number of chunks beyond the budget, and the offset of the first.
     chunks_beyond: u64,
     first_beyond: u64,
-    /// Indexes of the slots, channel by channel, and where those of each channel begin.
+    /// Slot indices grouped by channel, and the start of each group.
     by_channel: Vec<u32>,
     begins: Vec<u32>,
 }
 
 impl Contents {
-    /// Of a file of so many bytes.
     pub(crate) fn of(bytes: u64) -> Self {
         Self {
             bytes,
@@ -54,7 +47,7 @@ impl Contents {
         }
     }
 
-    /// The index of a channel, which is added where it is new: a channel may be declared again and again. `None` beyond the budget.
+    /// The index of a channel, which is added if it is new: a channel may be declared repeatedly. `None` beyond the budget.
     pub(crate) fn channel(
         &mut self,
         topic: &str,
@@ -104,12 +97,12 @@ impl Contents {
         Some(index)
     }
 
-    /// Bytes of a channel's messages that [`Self::message`] looks at.
+    /// Number of bytes of a channel's messages that [`Self::message`] needs.
     pub(crate) fn head_of(&self, channel: u32) -> usize {
         head_of(&self.channels[channel as usize].type_name)
     }
 
-    /// Counts a message, and keeps where it lies when its type is looked into. `head` are its first bytes.
+    /// Counts a message, and indexes it if its type is parsed. `head` are its first bytes.
     pub(crate) fn message(&mut self, channel: u32, logged: i64, head: &[u8], place: Place) {
         let declared = &self.channels[channel as usize];
         let count = &mut self.counts[channel as usize];
@@ -129,7 +122,7 @@ impl Contents {
         } else if self.slots.len() as u64 >= budget::most_slots(self.bytes) {
             self.messages_beyond += 1;
         } else {
-            // One that is longer is not seen as a whole, and is no usual one.
+            // A message longer than its head is not checked, and is unusual.
             let whole = place.len as usize <= head.len();
             count.unsound += u64::from(whole && is_unsound(declared, head));
             self.slots.push(Slot {
@@ -141,7 +134,7 @@ impl Contents {
         }
     }
 
-    /// Takes what messages say that could not be looked into before: each is compressed by itself. `heads` gives the first bytes of one.
+    /// Examines individually compressed messages. `heads` returns the first bytes of one.
     pub(crate) fn look_again<E>(
         &mut self,
         mut head: impl FnMut(&Slot, usize) -> Result<Vec<u8>, E>,
@@ -156,7 +149,7 @@ impl Contents {
         Ok(())
     }
 
-    /// Adds what another file of the same recording holds.
+    /// Adds the contents of another file of the recording.
     pub(crate) fn merge(&mut self, other: Self) {
         self.bytes = self.bytes.saturating_add(other.bytes);
         self.topics_beyond += other.topics_beyond;
@@ -187,13 +180,12 @@ impl Contents {
         self.remarks.merge(other.remarks);
     }
 
-    /// Says that something is missing from a place on.
+    /// Reports that the file is truncated at an offset.
     pub(crate) fn cut(&mut self, at: u64) {
         self.remarks
             .add(|| format!("the file is cut off or damaged at byte {at}: what is before is used"));
     }
 
-    /// Counts a chunk that would unpack to more than the recording may.
     pub(crate) fn chunk_beyond(&mut self, at: u64) {
         if self.chunks_beyond == 0 {
             self.first_beyond = at;
@@ -201,7 +193,7 @@ impl Contents {
         self.chunks_beyond += 1;
     }
 
-    /// Says what was beyond the budget, and orders messages by channel: nothing is added after it.
+    /// Reports the excess, and groups messages by channel. Nothing may be added afterwards.
     pub(crate) fn finish(&mut self) {
         let (topics, messages) = (self.topics_beyond, self.messages_beyond);
         if topics > 0 {
@@ -247,7 +239,6 @@ impl Contents {
         self.begins = begins;
     }
 
-    /// Messages of a channel, in the order of the file.
     pub(crate) fn slots_of(&self, channel: u32) -> impl Iterator<Item = &Slot> {
         let channel = channel as usize;
         let bounds = self.begins.get(channel).zip(self.begins.get(channel + 1));
@@ -258,7 +249,6 @@ impl Contents {
     }
 }
 
-/// Whether a message of a sensor holds no sample.
 fn is_unsound(channel: &Channel, bytes: &[u8]) -> bool {
     let Some(format) = channel.format else {
         return false;

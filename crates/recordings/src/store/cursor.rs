@@ -1,6 +1,5 @@
-//! Little-endian numbers and strings, read within bounds.
+//! Reads little-endian integers and strings with bounds checks.
 
-/// Where a reader is in its bytes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cursor<'a> {
     left: &'a [u8],
@@ -33,19 +32,18 @@ impl<'a> Cursor<'a> {
         self.array().map(u64::from_le_bytes)
     }
 
-    /// Bytes after their length of 32 bits.
+    /// Bytes after their 32-bit length.
     pub(crate) fn bytes(&mut self) -> Option<&'a [u8]> {
         let n = self.u32()?;
         self.take(usize::try_from(n).ok()?)
     }
 
-    /// Text after its length.
     pub(crate) fn text(&mut self) -> Option<String> {
         let bytes = self.bytes()?;
         Some(String::from_utf8_lossy(bytes).into_owned())
     }
 
-    /// A number and the text after it.
+    /// An integer and the text after it.
     pub(crate) fn u16_and_text(&mut self) -> Option<(u16, String)> {
         Some((self.u16()?, self.text()?))
     }

@@ -1,4 +1,4 @@
-//! MCAP, <https://mcap.dev/spec>: records one after the other, messages in chunks or between them.
+//! MCAP, <https://mcap.dev/spec>: consecutive records, messages in chunks or between them.
 
 use super::blocks::{Block, BlockFile, Bytes, Compression, wrong_crc};
 use super::chunk::Chunk;
@@ -10,7 +10,6 @@ use crate::error::Result;
 use std::collections::BTreeMap;
 use stillpoint_ros_messages::Format;
 
-/// First bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 
 const FOOTER: u8 = 0x02;
@@ -20,14 +19,13 @@ const MESSAGE: u8 = 0x05;
 const CHUNK: u8 = 0x06;
 const DATA_END: u8 = 0x0f;
 
-/// Operation code and length.
+/// Opcode and length.
 const RECORD_HEAD: u64 = 9;
 /// Channel, sequence number and two times before a message's bytes.
 const MESSAGE_HEAD: u64 = 22;
-/// Bytes of a schema or channel at most: definitions have some kilobytes.
+/// Maximum size of a schema or channel, bytes: definitions have some kilobytes.
 const LARGEST_RECORD: u64 = 1 << 24;
 
-/// Scans a file.
 pub(crate) fn open(
     bytes: Bytes,
     file: u16,
@@ -46,15 +44,13 @@ pub(crate) fn open(
 
 struct Scan<'b> {
     scanned: Scanned<'b>,
-    /// Name by number.
     schemas: BTreeMap<u16, String>,
-    /// Topic, schema and encoding by number, and the index in the contents; without one it is left out.
+    /// Topic, schema and encoding by number, and the channel index; without one the channel is ignored.
     channels: BTreeMap<u16, (Declared, Option<u32>)>,
-    /// Which of the messages no checksum of a chunk vouches for.
+    /// Ranges of messages that no chunk checksum covers.
     unchecked: Vec<std::ops::Range<usize>>,
 }
 
-/// What a file says of a channel.
 #[derive(Clone, Debug, PartialEq)]
 struct Declared {
     topic: String,
@@ -62,7 +58,6 @@ struct Declared {
     format: Option<Format>,
 }
 
-/// What to do after a record.
 #[derive(PartialEq)]
 enum Next {
     Go,
@@ -70,7 +65,7 @@ enum Next {
 }
 
 impl Scan<'_> {
-    /// Records that lie in the file as they are, from `at` to `end`.
+    /// Uncompressed records from `at` to `end`.
     fn records(&mut self, mut at: u64, end: u64, level: Level) -> Result<Next> {
         while at < end {
             let mut head = [0; RECORD_HEAD as usize];
@@ -123,13 +118,13 @@ impl Scan<'_> {
                 }
             }
             CHUNK if level == Level::File => self.chunk(body, len)?,
-            // Indexes, attachments, metadata, and what later versions may add.
+            // Indexes, attachments, metadata, and records of later versions.
             _ => {}
         }
         Ok(Next::Go)
     }
 
-    /// The first bytes of a message's record: `n` of the message itself.
+    /// The first bytes of a message record, with `n` bytes of the message itself.
     fn head(&mut self, body: u64, len: u64, n: usize) -> Result<Vec<u8>> {
         self.scanned
             .store
@@ -137,7 +132,7 @@ impl Scan<'_> {
             .get(body, len.min(MESSAGE_HEAD + n as u64))
     }
 
-    /// Notes that no checksum of a chunk vouches for the messages since there were `before`.
+    /// Marks the messages added since `before` as not covered by a chunk checksum.
     fn is_unchecked(&mut self, before: usize) {
         let after = self.scanned.contents.slots.len();
         match self.unchecked.last_mut() {
@@ -147,7 +142,8 @@ impl Scan<'_> {
         }
     }
 
-    /// A schema or channel. One that does not read is left out: its messages are as well. The first of a number counts: another one is damage.
+    /// A schema or channel. An unreadable one is skipped together with its messages. The first declaration of a number counts; a different
+    /// one is damage.
     fn describe(&mut self, op: u8, bytes: &[u8]) {
         let known = if op == SCHEMA {
             let read = Cursor::new(bytes).u16_and_text();
@@ -233,7 +229,7 @@ impl Scan<'_> {
         self.scanned.contents.message(channel, logged, head, place);
     }
 
-    /// A chunk; `len` may reach beyond the end of a file that was cut off.
+    /// A chunk; `len` may exceed a truncated file.
     fn chunk(&mut self, body: u64, len: u64) -> Result<()> {
         let head = self.scanned.store.bytes.get(body, len.min(256))?;
         let mut from = Cursor::new(&head);
@@ -280,7 +276,6 @@ impl Scan<'_> {
         Ok(())
     }
 
-    /// A chunk that lies in the file as it is.
     fn plain(&mut self, offset: u64, end: u64, chunk: &Chunk) -> Result<()> {
         let sum = || {
             Ok(self
@@ -297,7 +292,7 @@ impl Scan<'_> {
         self.records(offset, end, Level::Chunk).map(drop)
     }
 
-    /// Records within a compressed chunk, which begins at `at`.
+    /// Records of a decompressed chunk, which begins at `at`.
     fn unpacked(&mut self, bytes: &[u8], block: u32, at: u64) {
         let mut from = Cursor::new(bytes);
         let mut done = 0;
@@ -326,7 +321,7 @@ impl Scan<'_> {
         }
     }
 
-    /// The end of the data, which begins at `body`: where its checksum does not match, what no chunk's own checksum vouches for is left out.
+    /// The data end record, which begins at `body`: if its checksum does not match, messages not covered by a chunk checksum are dropped.
     fn data_end(&mut self, body: u64, len: u64) -> Result<()> {
         let bytes = self.scanned.store.bytes.get(body, len.min(4))?;
         let stated = Cursor::new(&bytes).u32().unwrap_or(0);
@@ -342,7 +337,7 @@ impl Scan<'_> {
             .crc(begin, body - RECORD_HEAD - begin)?;
         whole.combine(&data);
         let found = whole.finalize();
-        // Of the file from its first byte on, as all writers have it, or from the first record on.
+        // From the first byte of the file, as by all writers, or from the first record.
         if found == stated || data.finalize() == stated {
             return Ok(());
         }

@@ -1,7 +1,7 @@
-//! Files of messages: which messages there are, and their bytes.
+//! Message files: index of the messages, and access to their bytes.
 //!
-//! A file is scanned once from its beginning, so none of the formats needs its index, and a file that was cut off gives all that is before the cut.
-//! What is kept of a message is where it lies; its bytes are read when they are asked for.
+//! A file is scanned once from its beginning, so that no format needs its index, and a truncated file gives everything before the cut. Only
+//! the location of a message is kept; its bytes are read on demand.
 
 pub(crate) mod bag;
 pub(crate) mod blocks;
@@ -21,41 +21,34 @@ use crate::error::Result;
 use blocks::Blocks;
 use stillpoint_ros_messages::Format;
 
-/// What is sent under one name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Channel {
     pub(crate) topic: String,
-    /// As ROS 2 names it: `sensor_msgs/msg/Image`.
     pub(crate) type_name: String,
-    /// `None` for messages that are not of ROS, which are counted only.
+    /// `None` for messages that are not of ROS, which are only counted.
     pub(crate) format: Option<Format>,
 }
 
-/// A message, where it lies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Slot {
-    /// Index of its channel.
     pub(crate) channel: u32,
-    /// When it was received, ns.
+    /// Time at which it was received, ns.
     pub(crate) logged: i64,
-    /// What its header says, ns; `None` for messages without a header.
+    /// Header stamp, ns; `None` for messages without a header.
     pub(crate) stamp: Option<i64>,
     pub(crate) place: Place,
 }
 
-/// Where the bytes of a message are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
-    /// Which of the recording's files.
     pub(crate) file: u16,
-    /// Which compressed block of it, if any.
     pub(crate) block: Option<u32>,
-    /// Where in the block or file; in a data base the row.
+    /// Offset in the block or file; in a database the row.
     pub(crate) offset: u64,
     pub(crate) len: u32,
 }
 
-/// Whether a type tells of cameras, poses or inertial sensors. Points and the rest are counted only.
+/// Whether a type is parsed: cameras, poses and sensors. Other messages, such as point clouds, are only counted.
 pub(crate) fn is_looked_into(type_name: &str) -> bool {
     [
         "sensor_msgs/msg/Image",
@@ -77,13 +70,12 @@ pub(crate) fn is_looked_into(type_name: &str) -> bool {
     .contains(&type_name)
 }
 
-/// A file that was scanned.
 pub(crate) trait Store: Send + std::fmt::Debug {
-    /// The bytes of a message. What is decompressed for it is kept in `blocks`.
+    /// The bytes of a message. Decompressed blocks are cached in `blocks`.
     fn read(&mut self, place: &Place, blocks: &mut Blocks) -> Result<Vec<u8>>;
 }
 
-/// Bytes of a message of a type that is looked into, at most.
+/// Maximum size of a message of a parsed type, bytes.
 pub(crate) fn largest_message(type_name: &str) -> u64 {
     match type_name {
         "sensor_msgs/msg/Image" | "sensor_msgs/msg/CompressedImage" => budget::LARGEST_IMAGE,
@@ -91,7 +83,7 @@ pub(crate) fn largest_message(type_name: &str) -> u64 {
     }
 }
 
-/// Bytes of a message that are looked at while its file is scanned: its stamp, and all values of a sensor.
+/// Number of bytes of a message read by the scan: its stamp, and all values of a sensor.
 pub(crate) fn head_of(type_name: &str) -> usize {
     match type_name {
         "sensor_msgs/msg/Imu" | "nav_msgs/msg/Odometry" => 2048,
@@ -99,7 +91,7 @@ pub(crate) fn head_of(type_name: &str) -> usize {
     }
 }
 
-/// The name of a type as ROS 2 has it.
+/// Converts a type name to that of ROS 2.
 pub(crate) fn full_name(name: &str) -> String {
     match name.split_once('/') {
         Some((package, kind)) if !kind.contains('/') => format!("{package}/msg/{kind}"),
@@ -107,10 +99,10 @@ pub(crate) fn full_name(name: &str) -> String {
     }
 }
 
-/// Bytes of a message that tell its stamp.
+/// Number of bytes that contain a message's stamp.
 pub(crate) const HEAD: usize = 12;
 
-/// The stamp in the header that messages of this type begin with, ns.
+/// The header stamp of a message of this type, ns.
 pub(crate) fn header_stamp(channel: &Channel, head: &[u8]) -> Option<i64> {
     const WITHOUT: [&str; 7] = [
         "tf2_msgs/msg/TFMessage",
@@ -142,7 +134,7 @@ pub(crate) fn header_stamp(channel: &Channel, head: &[u8]) -> Option<i64> {
             u32::from_le_bytes(bytes)
         })
     };
-    // Both have four bytes before the seconds: the encapsulation, or the sequence number.
+    // Four bytes precede the seconds in both: the encapsulation, or the sequence number.
     let (sec, nanosec) = match channel.format? {
         Format::Ros1 => (i64::from(word(4, false)?), word(8, false)?),
         _ => {
@@ -153,7 +145,7 @@ pub(crate) fn header_stamp(channel: &Channel, head: &[u8]) -> Option<i64> {
     Some(sec * 1_000_000_000 + i64::from(nanosec))
 }
 
-/// ns as s, rounded once where the seconds are whole.
+/// ns as s, rounded once for whole seconds.
 pub(crate) fn seconds(ns: i64) -> f64 {
     let (sec, rest) = (ns.div_euclid(1_000_000_000), ns.rem_euclid(1_000_000_000));
     sec as f64 + rest as f64 / 1e9

@@ -1,4 +1,4 @@
-//! Data bases of rosbag2 and of librealsense: one table of topics, one of messages.
+//! SQLite databases of rosbag2 and of librealsense: a table of topics, and one of messages.
 
 use super::blocks::Blocks;
 use super::{Contents, Place, Store, is_looked_into};
@@ -14,14 +14,12 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use stillpoint_ros_messages::Format;
 
-/// A data base, open.
 #[derive(Debug)]
 pub(crate) struct Sqlite {
     path: PathBuf,
-    /// Of the file and its log.
     bytes: u64,
     connection: Connection,
-    /// Copies, where the place of the file cannot be written to.
+    /// Copies, used if the folder is not writable.
     _copies: Vec<Temporary>,
 }
 
@@ -38,8 +36,8 @@ fn error(path: &Path) -> impl Fn(rusqlite::Error) -> RecordingError + '_ {
 }
 
 impl Sqlite {
-    /// Opens a data base for reading. Messages that a recorder left in a write-ahead log are read as well: for that SQLite has to write an index beside the
-    /// file, and where it cannot, both are copied.
+    /// Opens a database for reading, including messages in a recorder's write-ahead log: for that SQLite has to write an index beside the
+    /// file; if it cannot, both are copied.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
             | OpenFlags::SQLITE_OPEN_URI
@@ -66,7 +64,7 @@ impl Sqlite {
                     Temporary::copy(&log, beside)?,
                 ];
                 let connection = open(&copy.path, true).map_err(error(path))?;
-                // The file goes with its copy's name.
+                // The file is removed with its copy.
                 std::mem::forget(copy);
                 (connection, copies)
             }
@@ -83,11 +81,10 @@ impl Sqlite {
         })
     }
 
-    /// Topics and messages.
     pub(crate) fn scan(&self, file: u16) -> Result<Contents> {
         let mut contents = Contents::of(self.bytes);
         let topics = self.topics(&mut contents).map_err(error(&self.path))?;
-        // A data base that is damaged farther behind gives what is before.
+        // A damaged database gives the messages before the damage.
         if let Err(e) = self.messages(&topics, file, &mut contents) {
             contents.remarks.add(|| {
                 format!("the data base is cut off or damaged ({e}): what is before is used")
@@ -97,7 +94,7 @@ impl Sqlite {
     }
 
     fn topics(&self, contents: &mut Contents) -> rusqlite::Result<BTreeMap<i64, u32>> {
-        // A text that is too long is not loaded: its length is known without it.
+        // An oversized text is not loaded: its length is known without it.
         let sql = "SELECT id,
             CASE WHEN octet_length(name) <= ?1 THEN name END,
             CASE WHEN octet_length(type) <= ?1 THEN type END,
@@ -146,7 +143,7 @@ impl Sqlite {
             let mut head = Vec::new();
             if is_looked_into(&contents.channels[channel as usize].type_name) && len > 0 {
                 let found = self.blob(&mut blob, id)?;
-                // Too few bytes are told when the message is read.
+                // Missing bytes are reported when the message is read.
                 let _ = found
                     .take(contents.head_of(channel) as u64)
                     .read_to_end(&mut head);
@@ -162,7 +159,7 @@ impl Sqlite {
         Ok(())
     }
 
-    /// The message of a row, by the handle of the one before where there is one: to open one anew takes several times longer.
+    /// The message of a row. Reuses the previous blob handle, since opening one takes several times longer.
     fn blob<'b, 'c>(
         &'c self,
         kept: &'b mut Option<Blob<'c>>,
@@ -178,13 +175,12 @@ impl Sqlite {
     }
 }
 
-/// Instructions of SQLite's machine that a file of any size may take: some seconds of them.
+/// SQLite VM instructions allowed for a file of any size: some seconds.
 const FREE_STEPS: u64 = 100_000_000;
-/// Instructions between two looks at how many there were.
 const STEPS: i32 = 100_000;
 
-/// Restricts a database to its rows: the author of the file can put views, triggers and functions into the schema, which would run on reading.
-/// What SQLite does is bounded by the size of the file: scanning takes some ten instructions for each message.
+/// Restricts a database to plain rows: a hostile schema may contain views, triggers and functions that would run on reading. The number of
+/// instructions is limited by the file size: scanning takes some ten per message.
 fn confine(connection: &mut Connection, bytes: u64) -> rusqlite::Result<()> {
     for (what, on) in [
         (DbConfig::SQLITE_DBCONFIG_DEFENSIVE, true),
@@ -196,7 +192,7 @@ fn confine(connection: &mut Connection, bytes: u64) -> rusqlite::Result<()> {
     }
     for (what, most) in [
         (Limit::SQLITE_LIMIT_LENGTH, LARGEST_IMAGE as i32),
-        // Of a statement that made a table.
+        // Length of the statement that created a table.
         (Limit::SQLITE_LIMIT_SQL_LENGTH, 1 << 20),
         (Limit::SQLITE_LIMIT_COLUMN, 100),
         (Limit::SQLITE_LIMIT_EXPR_DEPTH, 50),
@@ -217,7 +213,7 @@ fn confine(connection: &mut Connection, bytes: u64) -> rusqlite::Result<()> {
     )
 }
 
-/// Refuses what is no table whose rows lie in the file: a view, a virtual table, a column that is computed.
+/// Refuses everything but plain tables: views, virtual tables, computed columns.
 fn plain_table(connection: &Connection, path: &Path, table: &str) -> Result<()> {
     let kind = "SELECT type, rootpage > 0 FROM main.sqlite_schema
         WHERE name = ?1 COLLATE NOCASE AND type IN ('table', 'view')";
@@ -240,7 +236,7 @@ fn plain_table(connection: &Connection, path: &Path, table: &str) -> Result<()> 
     Err(RecordingError::format(path, &expected, found, advice))
 }
 
-/// The file as SQLite's name of it. One without a log is not going to change, and then nothing is written beside it.
+/// The file's URI for SQLite. Without a log the file is opened as immutable, so that nothing is written beside it.
 fn uri(path: &Path, has_log: bool) -> String {
     let mut name = String::from("file:");
     for c in path.to_string_lossy().chars() {
@@ -265,7 +261,7 @@ impl Store for Sqlite {
             let mut blob = self
                 .connection
                 .blob_open("main", "messages", "data", row, true)?;
-            // At once: every read of a blob goes along its chain of pages from the first one on.
+            // In one read: each read of a blob follows its page chain from the start.
             let mut bytes = vec![0; blob.len()];
             let read = blob.read_exact(&mut bytes);
             Ok(read.map(|_| bytes))

@@ -1,21 +1,20 @@
-//! Files that go when they are dropped: what formats cannot read from memory.
+//! Temporary files for formats that cannot be read from memory.
 
 use crate::error::{RecordingError, Result};
 use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// A file in the system's folder for such.
+/// A file in the temporary folder, removed on drop.
 #[derive(Debug)]
 pub(crate) struct Temporary {
     pub(crate) path: PathBuf,
 }
 
-/// Makes names differ within this process.
 static NEXT: AtomicU32 = AtomicU32::new(0);
 
 impl Temporary {
-    /// A new, empty file. `of` is the file that it stands for, for messages.
+    /// A new, empty file. `of` is the original file, for messages.
     pub(crate) fn create(of: &Path, ending: &str) -> Result<(Self, File)> {
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
         let name = format!("stillpoint-{}-{number}{ending}", std::process::id());
@@ -25,7 +24,6 @@ impl Temporary {
         Ok((Self { path }, file))
     }
 
-    /// A copy of a file at a path.
     #[cfg(feature = "sqlite")]
     pub(crate) fn copy(of: &Path, to: PathBuf) -> Result<Self> {
         std::fs::copy(of, &to).map_err(|e| failed(of, &to, &e))?;
@@ -45,7 +43,7 @@ fn failed(of: &Path, path: &Path, e: &std::io::Error) -> RecordingError {
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        // What cannot be removed is in a folder that the system clears.
+        // On failure the system clears the temporary folder.
         let _ = std::fs::remove_file(&self.path);
     }
 }

@@ -1,9 +1,9 @@
-//! How messages are declared.
+//! Declaration of messages.
 
-/// Structs whose fields are read and written in their order. A name in quotes is the type's in ROS 2, a second one the MD5 sum of ROS 1.
+/// Structs whose fields are read and written in order. A name in quotes is the type's in ROS 2, a second one the MD5 sum of ROS 1.
 ///
-/// `[ros1] field: type` is there in ROS 1 only (and `[ros2]` in ROS 2), and has its default else. `field / other: type` is called `other` in ROS 1.
-/// `field: type = "text"` is of that type in definitions, and is not in them where the text is empty.
+/// `[ros1] field: type` exists in ROS 1 only (and `[ros2]` in ROS 2), and otherwise has its default. `field / other: type` is called
+/// `other` in ROS 1. `field: type = "text"` has the type `text` in definitions, and is omitted there if the text is empty.
 macro_rules! messages {
     ($($(#[$meta:meta])* $name:ident $(<$life:lifetime>)? $ros:literal $($md5:literal)? {
         $($([$only:ident])? $field:ident $(/ $other:ident)?: $type:ty $(= $text:literal)?,)*

@@ -1,8 +1,9 @@
-//! Messages that recordings of RGB-D cameras hold, and those that a recorder or node writes.
+//! Messages in recordings of RGB-D cameras, and those that a recorder or node writes.
 //!
-//! Definitions: common_interfaces (std_msgs, sensor_msgs, geometry_msgs, nav_msgs, visualization_msgs, diagnostic_msgs, std_srvs), tf2_msgs,
-//! rcl_interfaces and vision_msgs 4, of ROS Noetic and ROS 2 Jazzy; what Orbbec's cameras add. One struct serves both where they differ in single fields.
-// Fields have the names and the units of the definitions; to describe them again would only be a second source.
+//! Definitions: common_interfaces (std_msgs, sensor_msgs, geometry_msgs, nav_msgs, visualization_msgs, diagnostic_msgs, std_srvs),
+//! tf2_msgs, rcl_interfaces and vision_msgs 4, of ROS Noetic and ROS 2 Jazzy; Orbbec's additions. One struct serves both if they differ in
+//! single fields.
+// Fields have the names and units of the definitions, which document them.
 #![allow(missing_docs)]
 
 #[macro_use]
@@ -27,7 +28,7 @@ use std::borrow::Cow;
 /// `builtin_interfaces/Time`, and `time` of ROS 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Time {
-    /// Seconds: from -2^31 to below 2^31 in ROS 2, from 0 to below 2^32 in ROS 1. Others are brought to the nearest that can be written.
+    /// Seconds: from -2^31 to below 2^31 in ROS 2, from 0 to below 2^32 in ROS 1. Other values are clamped on writing.
     pub sec: i64,
     pub nanosec: u32,
 }
@@ -73,7 +74,7 @@ impl Wire<'_> for Duration {
 }
 
 messages! {
-    /// `seq` is in ROS 1 only, and zero when read from ROS 2.
+    /// `seq` exists in ROS 1 only, and is zero when read from ROS 2.
     Header<'a> "std_msgs/msg/Header" {
         [ros1] seq: u32,
         stamp: Time,

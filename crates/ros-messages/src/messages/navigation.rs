@@ -1,4 +1,4 @@
-//! Where a robot is, was and may go.
+//! Poses, paths and maps of a robot.
 
 use super::{
     ColorRgba, CompressedImage, Duration, Header, Point, Pose, PoseStamped, PoseWithCovariance,

@@ -1,11 +1,11 @@
-//! What Orbbec's SDK writes into its bags beside images: definitions of OrbbecSDK 2.
+//! Messages of Orbbec's SDK in its bags besides images: definitions of OrbbecSDK 2.
 
 use super::Header;
 use std::borrow::Cow;
 
 messages! {
-    /// How a stream was taken. `rotation_matrix` (row by row) and `translation_matrix` (mm) bring points of the depth camera into the colour camera, and are zero for other streams; `camera_intrinsic` is fx,
-    /// fy, cx, cy in pixels, `camera_distortion` is k1 to k6, p1, p2.
+    /// Calibration of a stream. `rotation_matrix` (row by row) and `translation_matrix` (mm) map points of the depth camera into the colour
+    /// camera, and are zero for other streams; `camera_intrinsic` is fx, fy, cx, cy in pixels, `camera_distortion` is k1 to k6, p1, p2.
     ObStreamProfileInfo<'a> "custom_msg/msg/OBStreamProfileInfo" {
         header: Header<'a>,
         stream_type / streamType: u8,
@@ -19,7 +19,6 @@ messages! {
         camera_distortion / cameraDistortion: [f32; 8],
         distortion_model / distortionModel: u8,
     }
-    /// The camera.
     ObDeviceInfo<'a> "custom_msg/msg/OBDeviceInfo" {
         header: Header<'a>,
         name: Cow<'a, str>,

@@ -1,11 +1,11 @@
-//! What nodes say of themselves.
+//! Diagnostics and logs of nodes.
 
 use super::{Header, Time};
 use std::borrow::Cow;
 
 messages! {
     KeyValue<'a> "diagnostic_msgs/msg/KeyValue" { key: Cow<'a, str>, value: Cow<'a, str>, }
-    /// Levels: 0 well, 1 a warning, 2 an error, 3 stale.
+    /// Levels: 0 ok, 1 a warning, 2 an error, 3 stale.
     DiagnosticStatus<'a> "diagnostic_msgs/msg/DiagnosticStatus" {
         level: u8 = "byte",
         name: Cow<'a, str>,

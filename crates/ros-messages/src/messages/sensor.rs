@@ -68,7 +68,8 @@ messages! {
 
 /// Types of a [`PointField`].
 impl<'a> CameraInfo<'a> {
-    /// A camera by itself, whose lens is that of Brown and Conrady: `size` is its width and height, `pinhole` is fx, fy, cx, cy, `lens` k1, k2, p1, p2, k3.
+    /// A single camera with Brown-Conrady distortion: `size` is its width and height, `pinhole` is fx, fy, cx, cy, `lens` k1, k2, p1, p2,
+    /// k3.
     #[must_use]
     pub fn plumb_bob(
         header: Header<'a>,

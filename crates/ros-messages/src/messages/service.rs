@@ -1,9 +1,9 @@
-//! Halves of services of ROS 2: those that every node has for its parameters, and `std_srvs`.
+//! Halves of services of ROS 2: the parameter services of every node, and `std_srvs`.
 
 use std::borrow::Cow;
 
 messages! {
-    /// `type` says which of the values counts: 0 none, 1 bool, 2 integer, 3 double, 4 string, 5 to 9 arrays of bytes and of these.
+    /// `type` selects the value: 0 none, 1 bool, 2 integer, 3 double, 4 string, 5 to 9 arrays of bytes and of these.
     ParameterValue<'a> "rcl_interfaces/msg/ParameterValue" {
         r#type: u8,
         bool_value: bool,
@@ -52,14 +52,14 @@ messages! {
     SetParametersAtomicallyResponse<'a> "rcl_interfaces/srv/SetParametersAtomically_Response" { result: SetParametersResult<'a>, }
     DescribeParametersRequest<'a> "rcl_interfaces/srv/DescribeParameters_Request" { names: Vec<Cow<'a, str>>, }
     DescribeParametersResponse<'a> "rcl_interfaces/srv/DescribeParameters_Response" { descriptors: Vec<ParameterDescriptor<'a>>, }
-    /// A depth of 0 asks for all levels.
+    /// A depth of 0 requests all levels.
     ListParametersRequest<'a> "rcl_interfaces/srv/ListParameters_Request" { prefixes: Vec<Cow<'a, str>>, depth: u64, }
     ListParametersResponse<'a> "rcl_interfaces/srv/ListParameters_Response" { result: ListParametersResult<'a>, }
-    /// Nothing: the one byte is what ROS 2 sends for it.
+    /// Empty: ROS 2 sends one byte for it.
     EmptyRequest "std_srvs/srv/Empty_Request" { structure_needs_at_least_one_member: u8 = "", }
-    /// Nothing, as [`EmptyRequest`].
+    /// Empty, as [`EmptyRequest`].
     EmptyResponse "std_srvs/srv/Empty_Response" { structure_needs_at_least_one_member: u8 = "", }
-    /// Nothing, as [`EmptyRequest`].
+    /// Empty, as [`EmptyRequest`].
     TriggerRequest "std_srvs/srv/Trigger_Request" { structure_needs_at_least_one_member: u8 = "", }
     TriggerResponse<'a> "std_srvs/srv/Trigger_Response" { success: bool, message: Cow<'a, str>, }
     SetBoolRequest "std_srvs/srv/SetBool_Request" { data: bool, }

@@ -32,7 +32,7 @@ fn wall(z: f64) -> Face {
     Face::quad(corner, Vec3::x() * 4.0 * z, Vec3::y() * -4.0 * z)
 }
 
-/// Errors of disparity of a wall at `z`, px, with their pixels.
+/// Disparity errors of a wall at `z`, px, by pixel.
 fn errors(depth: &[f32], z: f32) -> Vec<Option<f64>> {
     let disparity = |z: f32| f64::from(FOCAL * BASELINE / z);
     let error = |found: &f32| (*found > 0.0).then(|| disparity(*found) - disparity(z));
@@ -55,7 +55,7 @@ fn disparities_err_as_the_model_says_at_any_depth() {
         let shared = f64::from(SHARED * SHARED + PATTERN * PATTERN);
         let all = covariance(&errors, 0);
         assert!((all / (own + shared) - 1.0).abs() < 0.3, "{z} m: {all}");
-        // Neighbours share what no average over them removes; far pixels share nothing.
+        // Neighbours share errors that averaging does not remove; distant pixels share none.
         let near = covariance(&errors, 1);
         assert!(near > 0.5 * shared, "{z} m: {near} of {shared}");
         assert!(covariance(&errors, 250).abs() < 0.3 * shared);
@@ -93,7 +93,7 @@ fn borders_are_off_to_the_side() {
         n += 1;
         // Far from borders there is one depth.
         assert!(!near(390) && (near(320) || depth[640 * y + 320] == 0.0));
-        // The shadow of the projector lies to the left.
+        // The projector's shadow is on the left.
         assert!(!(240..262).any(|x| depth[640 * y + x] > 1.5 && x > 255));
     }
     for swapped in [wide, narrow] {

@@ -3,33 +3,32 @@
 use super::{look_at, wave};
 use stillpoint_geometry::{Se3, Vec3, so3};
 
-/// A walk with a camera before the chest: along a closed uniform cubic B-spline, which is smooth to its second
-/// derivative, with equally spaced control points, which makes its speed nearly constant.
+/// A walk with a camera at chest height: along a closed uniform cubic B-spline, which is smooth to its second derivative, with equally
+/// spaced control points, which make its speed nearly constant.
 pub(super) struct Walk {
     control: Vec<[f64; 2]>,
     spacing: f64,
-    /// Where the walk ends, m along the control polygon.
+    /// End of the walk, m along the control polygon.
     pub(super) length: f64,
-    /// Walking speed, m/s.
     speed: f64,
-    /// Looks to both sides: by so much (rad), so often (Hz). The walker's slow wandering of the eyes comes on top.
+    /// Looks to both sides: amplitude (rad) and frequency (Hz), added to a slow variation.
     looks: [f64; 2],
 }
 
 impl Walk {
     /// Walking speed, m/s.
     const SPEED: f64 = 0.9;
-    /// Walking speed in haste, m/s.
+    /// Fast walking speed, m/s.
     const FAST: f64 = 1.6;
-    /// Looks of a walker in haste: 35 degrees to both sides, up to 110 degrees per second.
+    /// Looks in a fast walk: 35 degrees to both sides, up to 110 degrees per second.
     const FAST_LOOKS: [f64; 2] = [0.61, 0.5];
-    /// In haste more of the loop must be walked again for the same time, m.
+    /// Repeated part of the loop in a fast walk, m: more for the same time.
     const FAST_OVERLAP: f64 = 6.0;
     /// Height of the camera, m.
     const EYE: f64 = 1.35;
-    /// The walker looks at the point that comes after this length, m.
+    /// Distance along the path of the point looked at, m.
     const AHEAD: f64 = 1.6;
-    /// After the loop is closed the walk goes on for this length, m.
+    /// Repeated part of the loop after it is closed, m.
     const OVERLAP: f64 = 4.0;
 
     pub(super) fn new(corners: &[[f64; 2]]) -> Self {
@@ -97,7 +96,7 @@ impl Walk {
         let (at, ahead) = (self.at(s), self.at(s + Self::AHEAD));
         let to = ahead - at;
         let across = Vec3::new(-to.y, to.x, 0.0);
-        // Steps lift the camera twice a second; the walker's eyes wander a little to both sides and down.
+        // Steps lift the camera twice a second; the gaze varies a little to both sides and down.
         let eye = at
             + Vec3::new(0.0, 0.0, Self::EYE + 0.012 * wave(t, 1.9, 0.0))
             + across * (0.008 * wave(t, 0.95, 0.4));
@@ -105,7 +104,7 @@ impl Walk {
             - Vec3::new(0.0, 0.0, 0.28 + 0.06 * wave(t, 0.21, 1.0));
         let ahead = Vec3::new(to.x, to.y, 0.0);
         let [amplitude, hertz] = self.looks;
-        // Without looks nothing is turned, so that the slow walks keep their bits.
+        // Skipped at zero amplitude, so that slow walks stay bit-identical.
         let forward = if amplitude > 0.0 {
             so3::exp(&Vec3::new(0.0, 0.0, amplitude * wave(t, hertz, 0.0))) * ahead
         } else {

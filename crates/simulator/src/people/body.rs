@@ -6,16 +6,13 @@ use super::skeleton::Skeleton;
 use crate::scene::{Builder, Face, Light};
 use crate::texture::Pattern;
 
-/// What a person wears.
 #[derive(Clone, Copy)]
 pub(crate) struct Dress {
     /// Pattern and variant of the shirt.
     pub(crate) shirt: (Pattern, usize),
     /// Pattern and variant of the trousers.
     pub(crate) trousers: (Pattern, usize),
-    /// Variant of face and hair.
     pub(crate) head: usize,
-    /// Variant of the shoes.
     pub(crate) shoes: usize,
     /// Whether the sleeves reach the wrists.
     pub(crate) long_sleeves: bool,
@@ -23,7 +20,6 @@ pub(crate) struct Dress {
     pub(crate) coat: bool,
 }
 
-/// A part in its bone's coordinates.
 struct Part {
     mesh: Mesh,
     cover: Cover,
@@ -137,7 +133,7 @@ const SHOE: [Ring; 6] = [
     off_axis(-0.085, 0.055, 0.128, 0.05),
 ];
 
-/// Rings of a person of some size; `girth` widens them.
+/// Rings scaled to a person's size; `girth` widens them.
 fn scaled(rings: &[Ring], size: f64, girth: f64) -> Vec<Ring> {
     let scale = |r: &Ring| Ring {
         at: r.at * size,
@@ -151,7 +147,7 @@ fn scaled(rings: &[Ring], size: f64, girth: f64) -> Vec<Ring> {
 const CLOTH: f64 = 512.0;
 
 impl Body {
-    /// A body of some size and girth (1 is 1.76 m and slim), for a scene's builder; `mover` is its number.
+    /// A body of some size and girth (1 is 1.76 m and slim); `mover` is its number.
     pub(crate) fn new(b: &mut Builder, dress: &Dress, [size, girth]: [f64; 2], mover: u8) -> Self {
         let mut parts: Vec<Part> = Vec::new();
         let mut add = |b: &mut Builder, rings: &[Ring], sides: usize, look: Look| {
@@ -187,7 +183,7 @@ impl Body {
             ..look
         };
         add(b, &HIPS, 14, square(cloth(trousers, 512.0, 0.0)));
-        // The print lies on the chest: the texture goes once around, its middle to the front.
+        // The print is on the chest: the texture goes once around, with its centre at the front.
         add(b, &CHEST, 18, square(cloth(shirt, 512.0, -60.0)));
         add(b, &NECK, 12, skin);
         let face = Winding {
@@ -223,7 +219,7 @@ impl Body {
         Self { parts }
     }
 
-    /// Adds the faces of the body with its bones at given places.
+    /// Adds the faces of the body with its bones at given poses.
     pub(crate) fn place(
         &self,
         s: &Skeleton,
@@ -240,11 +236,10 @@ impl Body {
     }
 }
 
-/// How a part looks.
 #[derive(Clone, Copy)]
 struct Look {
     pattern: (Pattern, usize),
-    /// Rather a rectangle with round corners than an ellipse.
+    /// A rounded rectangle instead of an ellipse.
     square: bool,
     winding: Winding,
 }

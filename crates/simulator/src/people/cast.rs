@@ -1,4 +1,4 @@
-//! Who is in which scene, and what they do there.
+//! The people of each scene, and their actions.
 
 use super::gait::{Gait, Load, SIT_BACK, Standing};
 use super::mesh::{Cover, Mesh};
@@ -9,7 +9,6 @@ use crate::random::{Purpose, Stream};
 use crate::scene::{Builder, Place};
 use crate::texture::Pattern;
 
-/// The people of a scene.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Cast {
     /// Two people walk behind and before the desk; one of them sits down for a while.
@@ -20,30 +19,28 @@ pub(crate) enum Cast {
     Carrying,
     /// Two people walk to and fro between the camera and the desk, from the first frame on.
     Crowd,
-    /// One person in a patterned coat walks close before the camera from the first frame on and shows it the back.
+    /// One person in a patterned coat walks close before the camera from the first frame on, with the back to it.
     Coated,
-    /// Two people step before the camera and walk round it as it turns, face to face with it.
+    /// Two people step before the camera and follow its rotation, face to face with it.
     Blocking { walks: bool },
-    /// One person comes, lifts a chair that stands before the desk and carries it out of the picture.
+    /// One person comes, lifts a chair before the desk and carries it out of the view.
     Fetching,
 }
 
 /// Direction towards the camera, rad.
 const TO_CAMERA: f64 = -std::f64::consts::FRAC_PI_2;
 
-/// A chair: place of the seat, m, and the direction in which one sits, rad.
+/// A chair: position of the seat, m, and direction of a seated person, rad.
 type Seat = [f64; 3];
 
-/// Where one sits down in the walking scenes.
 const SEAT: Seat = [-0.62, 0.62, -1.35];
-/// Where two people sit and talk.
 const SEATS: [Seat; 2] = [[-0.55, 0.5, -1.3], [0.5, 0.52, -1.8]];
-/// The line along which people pass between the camera and the desk, m.
+/// Line along which people pass between the camera and the desk, m.
 const BEFORE: f64 = -1.06;
-/// The line along which they pass behind the desk, m.
+/// Line along which they pass behind the desk, m.
 const BEHIND: f64 = 0.5;
 
-/// Where the feet's middle of a person is who sits on a seat.
+/// Centre between the feet of a seated person.
 fn feet_of([x, y, yaw]: Seat) -> [f64; 2] {
     let ahead = SIT_BACK - 0.06;
     [x + ahead * libm::cos(yaw), y + ahead * libm::sin(yaw)]
@@ -145,9 +142,9 @@ const LOAD: Load = Load {
     stands: None,
 };
 
-/// Where one fetches a chair, m; the chair faces -x.
+/// Position of the chair to fetch, m; it faces -x.
 const FETCHED: [f64; 2] = [-0.45, -0.5];
-/// Height of a chair's middle above its feet where hands hold it, m.
+/// Height of a chair's centre above its feet where hands hold it, m.
 const HOLD: f64 = 0.62;
 const CHAIR: Load = Load {
     class: "chair",
@@ -160,8 +157,8 @@ const CHAIR: Load = Load {
     }),
 };
 
-/// Seat, back, post, foot's two bars and two arms of a chair that faces its x axis: lower and upper corner above the floor, m, and whether it is
-/// upholstered.
+/// Seat, back, post, the foot's two bars and two arms of a chair that faces its x axis: lower and upper corner above the floor, m, and
+/// whether it is upholstered.
 const CHAIR_PARTS: [([f64; 3], [f64; 3], bool); 7] = [
     ([-0.24, -0.24, 0.42], [0.24, 0.24, 0.5], true),
     ([-0.27, -0.22, 0.5], [-0.2, 0.22, 1.05], true),
@@ -172,7 +169,6 @@ const CHAIR_PARTS: [([f64; 3], [f64; 3], bool); 7] = [
     ([-0.2, 0.23, 0.66], [0.1, 0.27, 0.69], false),
 ];
 
-/// What a load is made of.
 fn parts(b: &mut Builder, load: &Load, mover: u8) -> Vec<(Mesh, Cover)> {
     let mut cover = |pattern, variant| {
         let skin = b.skin(pattern, variant);
@@ -199,7 +195,6 @@ fn parts(b: &mut Builder, load: &Load, mover: u8) -> Vec<(Mesh, Cover)> {
     CHAIR_PARTS.into_iter().map(part).collect()
 }
 
-/// Start and stages of a route.
 type Script = ([f64; 3], Vec<Leg>);
 
 /// Crosses close before the camera, stops there with the back to it, goes on, turns round and crosses again.
@@ -236,7 +231,7 @@ fn seated(seat: Seat) -> Script {
     ([x, y, seat[2]], vec![Leg::Sit(60.0, seat[2])])
 }
 
-/// Holds a box into the picture from the right, then carries it across before the desk and back behind it.
+/// Moves a box into the view from the right, then carries it across before the desk and back behind it.
 fn carrier() -> Script {
     use Leg::{Stand, To};
     let stages = vec![
@@ -249,7 +244,7 @@ fn carrier() -> Script {
     ([0.95, BEFORE, 3.1], stages)
 }
 
-/// Waits beside the picture, walks to the chair, lifts it and carries it away.
+/// Waits beside the view, walks to the chair, lifts it and carries it away.
 fn fetcher() -> Script {
     use Leg::{Stand, To};
     let [x, y] = FETCHED;
@@ -268,7 +263,7 @@ const NEAR_LINE: f64 = -1.15;
 /// The y coordinate of the line on which the farther person of a crowd walks, m.
 const FAR_LINE: f64 = -0.6;
 
-/// Walks to and fro on one side of the picture's middle, then on the other.
+/// Walks to and fro on one side of the image centre, then on the other.
 fn near_one() -> Script {
     let to = |x: f64| Leg::To(x, NEAR_LINE, 0.6);
     let stages = vec![to(0.45), to(-0.75), to(0.7), to(-0.5), to(0.7), to(-0.7)];
@@ -299,21 +294,21 @@ fn coated() -> Script {
     ([-0.3, -0.7, AWAY], stages)
 }
 
-/// Distance from the camera at which people who block its view stand, m.
+/// Distance from the camera of people who block its view, m.
 const BLOCKERS_AT: f64 = 0.78;
-/// Angle between the middle of the picture and each person who blocks the view, rad.
+/// Angle between the image centre and each person who blocks the view, rad.
 const BLOCKERS_APART: f64 = 0.36;
-/// Time at which people begin to block the view, s, and time at which they leave again.
+/// Times at which people begin to block the view, s, and leave again.
 const BLOCKERS_COME: f64 = 1.6;
 const BLOCKERS_LEAVE: f64 = 6.2;
-/// Time of a step aside, s.
+/// Duration of a step aside, s.
 const BLOCKERS_STEP: f64 = 0.2;
 
-/// Comes from the side, stays before the camera while it turns, a little to one side of the picture's middle, and goes away to the same side.
+/// Comes from the side, stays before the camera while it turns, a little to one side of the image centre, and leaves to the same side.
 fn blocker(apart: f64, walks: bool) -> Script {
     let at = |t: f64| {
         let [x, y] = blocked_eye(t, walks);
-        // To the right of the picture is clockwise.
+        // To the right of the image is clockwise.
         let angle = -TO_CAMERA + blocked_turn(t, walks) - apart;
         [
             x + BLOCKERS_AT * libm::cos(angle),

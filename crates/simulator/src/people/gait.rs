@@ -1,45 +1,41 @@
-//! From what a person does to the person's posture: steps, swinging arms, sitting, gestures.
+//! From actions to posture: steps, swinging arms, sitting, gestures.
 
 use super::route::{Doing, Route};
 use super::skeleton::{Arm, Posture, SIDES, length};
 use stillpoint_geometry::{Se3, Vec3, so3};
 
-/// How a person moves.
 pub(crate) struct Gait {
     pub(crate) route: Route,
-    /// The person's size relative to 1.76 m.
+    /// Size relative to 1.76 m.
     pub(crate) size: f64,
     /// Time of a left step, s, and phase of the gestures, rad.
     pub(crate) phase: f64,
-    /// The load's half sides and where it is held before the waist; both hands hold it.
+    /// The load, held before the waist with both hands.
     pub(crate) load: Option<Load>,
 }
 
-/// What is carried.
 #[derive(Clone, Copy)]
 pub(crate) struct Load {
-    /// What it is.
     pub(crate) class: &'static str,
     /// Half sides: to the front, to the left, up, m.
     pub(crate) half: [f64; 3],
-    /// How far it wanders about the place before the belly, m.
+    /// Amplitude of its motion about the holding position, m.
     pub(crate) wander: f64,
-    /// Where it stands until it is lifted; none where it is carried from the start.
+    /// Its initial place; `None` if it is carried from the start.
     pub(crate) stands: Option<Standing>,
 }
 
-/// Where a load stands before it is lifted.
+/// Initial place of a load before it is lifted.
 #[derive(Clone, Copy)]
 pub(crate) struct Standing {
-    /// Its middle, m.
     pub(crate) at: [f64; 3],
     /// The direction of its front, rad.
     pub(crate) yaw: f64,
-    /// When it begins to be lifted, s.
+    /// Start of lifting, s.
     pub(crate) until: f64,
 }
 
-/// How long it takes to lift a load, s.
+/// Duration of lifting, s.
 const LIFT: f64 = 0.8;
 
 /// Time from one step to the next, s.
@@ -48,11 +44,11 @@ const STEP: f64 = 0.55;
 const SWING: f64 = 0.44;
 /// Time that a foot stays on the floor, s.
 const STANCE: f64 = 2.0 * STEP - SWING;
-/// Sideways distance of the feet from the middle, m.
+/// Lateral distance of the feet from the centre, m.
 const TRACK: f64 = 0.095;
-/// Height of the hip joints of a person who sits, m.
+/// Height of the hip joints of a seated person, m.
 const SEAT: f64 = 0.595;
-/// How far behind the feet's middle the hips are when sitting, m.
+/// Distance of the hips behind the feet's centre when sitting, m.
 pub(crate) const SIT_BACK: f64 = 0.34;
 
 fn smooth(x: f64) -> f64 {
@@ -64,7 +60,7 @@ fn wave(t: f64, hertz: f64, phase: f64) -> f64 {
     libm::sin(std::f64::consts::TAU * hertz * t + phase)
 }
 
-/// A foot flat on the floor: the point below its ankle and its direction.
+/// A foot flat on the floor: the point below its ankle, and its direction.
 #[derive(Clone, Copy)]
 struct Print {
     at: Vec3,
@@ -83,7 +79,7 @@ impl Gait {
         }
     }
 
-    /// Place of an ankle, direction of its foot and lift of its heel (rad; negative lifts the toes).
+    /// Position of an ankle, direction of its foot and lift of its heel (rad; negative lifts the toes).
     fn foot(&self, side: usize, t: f64) -> (Vec3, f64, f64) {
         let cycle = 2.0 * STEP;
         let offset = self.phase + side as f64 * STEP;
@@ -106,7 +102,7 @@ impl Gait {
         };
         let moved = (next.at - here.at).norm() + 0.1 * (next.yaw - here.yaw).abs();
         let height = 0.06 * smooth(moved / 0.4) * 16.0 * w * w * (1.0 - w) * (1.0 - w);
-        // On the floor a foot turns about its heel first and its toes later; in the air the point wanders back.
+        // On the floor a foot rotates about its heel first and its toes later; in the air the pivot moves back.
         let on_toes = if since < 0.4 * STANCE {
             0.0
         } else {
@@ -131,7 +127,7 @@ impl Gait {
         let feet = [0, 1].map(|side| self.foot(side, t));
         let (c, s) = (libm::cos(doing.yaw), libm::sin(doing.yaw));
         let ahead = -SIT_BACK * doing.sitting;
-        // The body sways over the foot that stands.
+        // The body sways over the standing foot.
         let aside = 0.018 * walking * libm::sin(beat);
         let mut hips = Vec3::new(
             doing.x + c * ahead - s * aside,
@@ -139,7 +135,7 @@ impl Gait {
             0.0,
         );
         hips.z = self.hip_height(&hips, &doing, &feet.map(|f| f.0));
-        // Half way up or down a person bows to keep the balance.
+        // Half way up or down a person leans forward for balance.
         let rising = doing.sitting * (1.0 - doing.sitting);
         let breath = 0.012 * wave(t, 0.27, self.phase);
         let nod = 0.07 * doing.talking * wave(t, 0.43, 2.0 * self.phase);
@@ -164,7 +160,7 @@ impl Gait {
         }
     }
 
-    /// Height of the hip joints: nearly straight legs, no longer than they are, or the seat's.
+    /// Height of the hip joints: nearly straight legs within their length, or the seat's.
     fn hip_height(&self, hips: &Vec3, doing: &Doing, ankles: &[Vec3; 2]) -> f64 {
         let k = self.size;
         let most = k * (length::THIGH + length::SHANK) * 0.996;
@@ -206,7 +202,7 @@ impl Gait {
         })
     }
 
-    /// Pose of what is carried once it is in the hands.
+    /// Pose of a load in the hands.
     fn load_at(&self, t: f64, doing: &Doing, hips: &Vec3) -> Se3 {
         let load = self.load.unwrap_or(Load {
             class: "box",
@@ -239,7 +235,7 @@ impl Gait {
         let turn = so3::exp(&(Vec3::z() * standing.yaw));
         let stood = Se3::new(turn, Vec3::from(standing.at));
         let share = smooth((t - standing.until) / LIFT);
-        // Interpolation would round even where nothing is lifted yet.
+        // Interpolation would round even before lifting.
         Some(if share > 0.0 {
             stood.interpolate(&held, share)
         } else {
@@ -248,7 +244,7 @@ impl Gait {
     }
 }
 
-/// The smaller one of two numbers, or less where they differ by less than `k`; smooth.
+/// A smooth minimum, below the smaller number where they differ by less than `k`.
 fn smooth_min(a: f64, b: f64, k: f64) -> f64 {
     let h = (k - (a - b).abs()).max(0.0) / k;
     a.min(b) - 0.25 * h * h * k

@@ -1,17 +1,14 @@
-//! Closed surfaces of triangles with smooth normals and a texture wound around them.
-//!
-//! Answers: the shape of a rigid part of a body in its own coordinates, and its faces at a place in the world.
+//! Closed triangle meshes with smooth normals and a wrapped texture, for the rigid parts of a body.
 
 use super::Asked;
 use crate::scene::{Corners, Face, Light};
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A cross-section of a part.
 #[derive(Clone, Copy)]
 pub(crate) struct Ring {
-    /// Where it lies along the part's axis, m.
+    /// Position along the part's axis, m.
     pub(crate) at: f64,
-    /// Its centre across the axis, m.
+    /// Centre across the axis, m.
     pub(crate) centre: [f64; 2],
     /// Half axes of its superellipse, m.
     pub(crate) radius: [f64; 2],
@@ -22,7 +19,7 @@ pub(crate) const fn ring(at: f64, rx: f64, ry: f64) -> Ring {
     off_axis(at, 0.0, rx, ry)
 }
 
-/// A ring whose centre is moved along x.
+/// A ring whose centre is shifted along x.
 pub(crate) const fn off_axis(at: f64, x: f64, rx: f64, ry: f64) -> Ring {
     Ring {
         at,
@@ -31,7 +28,7 @@ pub(crate) const fn off_axis(at: f64, x: f64, rx: f64, ry: f64) -> Ring {
     }
 }
 
-/// How a texture is wound around a part.
+/// How a texture is wrapped around a part.
 #[derive(Clone, Copy)]
 pub(crate) struct Winding {
     /// Texels once around; the seam is at the back (-x).
@@ -49,30 +46,24 @@ struct Vertex {
     texel: [f64; 2],
 }
 
-/// A rigid, textured triangle mesh.
 pub(crate) struct Mesh {
     vertices: Vec<Vertex>,
     triangles: Vec<[usize; 3]>,
-    /// Lower and upper corner of the box along the axes around it.
+    /// Corners of its axis-aligned bounding box.
     bounds: [Vec3; 2],
 }
 
-/// What all faces of a part have in common.
 #[derive(Clone, Copy)]
 pub(crate) struct Cover {
-    /// Number of the texture in the scene.
     pub(crate) texture: u16,
-    /// See [`Face::infrared`].
     pub(crate) infrared: f32,
-    /// See [`Face::mover`].
     pub(crate) mover: u8,
-    /// See [`Face::surface`].
     pub(crate) surface: u16,
 }
 
 impl Mesh {
-    /// A tube through rings, listed from top (greatest z) to bottom, closed at both ends; `sides` corners per ring.
-    /// Its cross-sections are superellipses of exponent `power`: 2 is an ellipse, more is closer to a rectangle.
+    /// A tube through rings, listed from top (greatest z) to bottom, closed at both ends; `sides` vertices per ring. Its cross-sections are
+    /// superellipses of exponent `power`: 2 is an ellipse, more is closer to a rectangle.
     pub(crate) fn tube(rings: &[Ring], sides: usize, power: f64, winding: Winding) -> Self {
         let mut vertices = Vec::new();
         let columns = sides + 1;
@@ -93,7 +84,7 @@ impl Mesh {
             }
             for j in 0..columns {
                 let share = j as f64 / sides as f64;
-                // Starts at the back and goes around by the left (+y), as seen from above.
+                // From the back around the left (+y), as seen from above.
                 let angle = std::f64::consts::TAU * share;
                 let (c, s) = (-libm::cos(angle), -libm::sin(angle));
                 let round = |v: f64| v.signum() * libm::pow(v.abs(), 2.0 / power);
@@ -124,12 +115,11 @@ impl Mesh {
         }
     }
 
-    /// Lower and upper corner of the box along the axes around it.
+    /// Corners of its axis-aligned bounding box.
     pub(crate) fn bounds(&self) -> [Vec3; 2] {
         self.bounds
     }
 
-    /// The same shape elsewhere.
     pub(crate) fn moved(mut self, by: [f64; 3]) -> Self {
         for at in self
             .vertices
@@ -169,7 +159,7 @@ impl Mesh {
         }
     }
 
-    /// Triangles between rows of vertices, and their smooth normals.
+    /// Adds the triangles between rows of vertices, with smooth normals.
     fn stitch(&mut self, rows: usize, sides: usize) {
         let columns = sides + 1;
         let mut normals = vec![Vec3::zeros(); rows * sides];
@@ -190,7 +180,7 @@ impl Mesh {
                 }
             }
         }
-        // The points of a fan's centre are one point.
+        // The vertices at a fan's centre are one point.
         for row in [0, rows - 1] {
             let mut sum = Vec3::zeros();
             (0..sides).for_each(|j| sum += normals[row * sides + j]);
@@ -201,7 +191,7 @@ impl Mesh {
         }
     }
 
-    /// Adds the faces at a place in the world that are asked for, lit there.
+    /// Adds the requested faces at a pose in the world, lit there.
     pub(crate) fn place(
         &self,
         pose: &Se3,
@@ -237,12 +227,12 @@ impl Mesh {
     }
 }
 
-/// A triangle's normal, as long as twice its area.
+/// A triangle's normal, with twice its area as length.
 fn across(p: &[Vec3; 3]) -> Vec3 {
     (p[1] - p[0]).cross(&(p[2] - p[0]))
 }
 
-/// A face from its corners, the normal `n` that [`across`] gives, and their texels and brightnesses: all three are affine in the plane.
+/// A face from its corners, the normal `n` of [`across`], and their texels and brightnesses: all three are affine in the plane.
 fn triangle(p: [Vec3; 3], n: Vec3, texels: [[f64; 2]; 3], light: [f64; 3], cover: Cover) -> Face {
     let (e1, e2) = (p[1] - p[0], p[2] - p[0]);
     let (g1, g2) = (

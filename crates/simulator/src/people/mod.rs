@@ -1,7 +1,7 @@
 //! People who walk, stop, turn, sit down, talk and carry: articulated bodies as functions of time.
 //!
-//! Answers: the faces of a person (and of the box that the person carries) at a time. A person is a route (`route`), a way
-//! to move along it (`gait`), bones (`skeleton`) and a clothed body (`body`). Which people a scene has is in `cast`.
+//! A person is a route (`route`), a way of moving along it (`gait`), bones (`skeleton`) and a clothed body (`body`). The people of each
+//! scene are in `cast`.
 
 mod body;
 mod cast;
@@ -20,12 +20,12 @@ use mesh::{Cover, Mesh};
 use skeleton::Skeleton;
 use stillpoint_geometry::{Vec3, so3};
 
-/// Which faces are asked for.
+/// Selects faces.
 pub(crate) trait Asked {
-    /// Whether there may be any within a box of these corners.
+    /// Whether any face within a box of these corners may be selected.
     fn about(&self, corners: &[Vec3; 8]) -> bool;
 
-    /// Whether the face of these corners and this normal is one; those that are get added in this order.
+    /// Whether to select the face of these corners and this normal; selected faces are added in this order.
     fn asks(&mut self, corners: &[Vec3; 3], normal: &Vec3) -> bool;
 }
 
@@ -33,14 +33,13 @@ pub(crate) trait Asked {
 pub(crate) struct Person {
     gait: Gait,
     body: Body,
-    /// Parts of the load.
     load: Vec<(Mesh, Cover)>,
     /// Whether the camera sees the person's back throughout the scene.
     from_behind: bool,
 }
 
 impl Person {
-    /// The person at a time (s), and what it carries, in the order of their numbers as movers.
+    /// The person at a time (s), and its load, in the order of their mover numbers.
     pub(crate) fn movers(&self, stamp: f64) -> impl Iterator<Item = MoverState> {
         let hips = |t| self.gait.posture(t).hips;
         let person = state("person", stamp, |t| Some(hips(t)));
@@ -53,7 +52,7 @@ impl Person {
         person.into_iter().chain(carried)
     }
 
-    /// Adds those of the person's faces at a time (s) that are asked for.
+    /// Adds the selected faces of the person at a time (s).
     pub(crate) fn place(
         &self,
         stamp: f64,
@@ -70,7 +69,7 @@ impl Person {
         }
     }
 
-    /// The box around what stands until this person takes it, and which mover it is.
+    /// Mover number and box of an object that stands until this person takes it.
     pub(crate) fn taken(&self) -> Option<(u32, ThingBox)> {
         let load = self.gait.load?;
         let standing = load.stands?;
@@ -90,7 +89,7 @@ impl Person {
     }
 }
 
-/// Half of the time over which velocities are taken, s: short beside a step, and long beside the rounding of positions.
+/// Half of the interval for computing velocities, s: short relative to a step, and long relative to the rounding of positions.
 const HALF_SPAN: f64 = 0.005;
 
 /// A mover whose position is a function of time.
@@ -106,7 +105,6 @@ fn state(class: &'static str, stamp: f64, at: impl Fn(f64) -> Option<Vec3>) -> O
     })
 }
 
-/// All faces.
 #[cfg(test)]
 pub(crate) struct All;
 
@@ -123,7 +121,7 @@ impl Asked for All {
 
 #[cfg(test)]
 impl Person {
-    /// All corners of body and load in the world.
+    /// All vertices of body and load in the world.
     fn corners(&self, t: f64) -> Vec<Vec3> {
         let mut faces = Vec::new();
         self.place(t, &Light::default(), &mut All, &mut faces);

@@ -1,28 +1,24 @@
-//! Where a person goes, faces, sits and gestures, as smooth functions of time.
+//! Position, heading, sitting and gestures of a person, as smooth functions of time.
 
-/// A stage of a route.
 #[derive(Clone, Copy)]
 pub(crate) enum Leg {
     /// Walks straight to (x, y) in m at a speed in m/s.
     To(f64, f64, f64),
-    /// The same, turned to a direction all the while: steps aside.
+    /// Like `To`, facing a constant direction: steps aside.
     Aside(f64, f64, f64, f64),
-    /// Stands for some seconds, turned to a direction (rad, 0 along x, to the left).
+    /// Stands for some seconds, facing a direction (rad, 0 along x, to the left).
     Stand(f64, f64),
-    /// The same with talking hands.
     Talk(f64, f64),
-    /// Sits for some seconds with talking hands, turned to a direction.
+    /// Sits for some seconds with talking hands, facing a direction.
     Sit(f64, f64),
 }
 
-/// What a person does at a moment.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Doing {
-    /// Place on the floor, m.
+    /// Position on the floor, m.
     pub(crate) x: f64,
-    /// See `x`.
     pub(crate) y: f64,
-    /// Direction that the body faces, rad.
+    /// Heading of the body, rad.
     pub(crate) yaw: f64,
     /// 0 standing to 1 sitting.
     pub(crate) sitting: f64,
@@ -91,7 +87,7 @@ impl Route {
         Self { control }
     }
 
-    /// How long a stage takes and what it ends with.
+    /// Duration and final state of a stage.
     fn goal(from: Doing, stage: Leg) -> (f64, Doing) {
         let still = |yaw: f64, sitting: f64, talking: f64| Doing {
             yaw: nearest_turn(yaw, from.yaw),
@@ -124,7 +120,7 @@ impl Route {
         }
     }
 
-    /// What the person does at a time, s; before the start and after the end the person stays.
+    /// The state at a time, s; constant before the start and after the end.
     pub(crate) fn at(&self, t: f64) -> Doing {
         let u = t / SPACING;
         let (k, f) = (libm::floor(u), u - libm::floor(u));
@@ -151,7 +147,7 @@ impl Route {
     }
 }
 
-/// The angle that equals `angle` but for whole turns and is nearest to `other`.
+/// `angle` plus the whole number of turns that brings it closest to `other`.
 fn nearest_turn(angle: f64, other: f64) -> f64 {
     let tau = std::f64::consts::TAU;
     angle - tau * libm::round((angle - other) / tau)

@@ -1,11 +1,11 @@
-//! Bones and joints: from a posture to the place of every rigid part.
+//! Bones and joints: from a posture to the pose of every rigid part.
 //!
-//! A body's axes: x forward, y to its left, z up; bones of limbs hang along -z from their joint.
+//! A body's axes: x forward, y to its left, z up; bones of limbs extend along -z from their joint.
 
 use stillpoint_geometry::nalgebra::Matrix3;
 use stillpoint_geometry::{Se3, Vec3, so3};
 
-/// Lengths of a grown person of 1.76 m, m; multiplied by the person's size.
+/// Lengths of an adult of 1.76 m, m; scaled by the person's size.
 pub(crate) mod length {
     /// Hip to knee.
     pub(crate) const THIGH: f64 = 0.43;
@@ -36,30 +36,28 @@ pub(crate) mod length {
 /// Left and right, as factors of y.
 pub(crate) const SIDES: [f64; 2] = [1.0, -1.0];
 
-/// How an arm is held.
 #[derive(Clone, Copy)]
 pub(crate) enum Arm {
     /// Angles, rad: forward at the shoulder, away from the body, inward about the upper arm, and bent at the elbow.
     Angles([f64; 4]),
-    /// The wrist's place in the world, m.
+    /// The wrist's position in the world, m.
     Reach(Vec3),
 }
 
-/// Everything that can move, apart from what follows from it.
+/// The independent variables of a pose.
 pub(crate) struct Posture {
-    /// Place of the middle between the hip joints, m, and direction, rad.
+    /// Midpoint between the hip joints, m, and heading, rad.
     pub(crate) hips: Vec3,
-    /// See `hips`.
     pub(crate) yaw: f64,
-    /// Turn of the chest against the hips: to the side, forward, about the spine, rad.
+    /// Rotation of the chest relative to the hips: to the side, forward, about the spine, rad.
     pub(crate) spine: [f64; 3],
-    /// Turn of the head against the chest, as `spine`.
+    /// Rotation of the head relative to the chest, as `spine`.
     pub(crate) head: [f64; 3],
     /// Left and right.
     pub(crate) arms: [Arm; 2],
-    /// Place of the ankles in the world, m, with the direction of the foot and its heel's lift, rad.
+    /// Position of the ankles in the world, m, with the direction of the foot and its heel's lift, rad.
     pub(crate) feet: [(Vec3, f64, f64); 2],
-    /// The person's size relative to 1.76 m.
+    /// Size relative to 1.76 m.
     pub(crate) size: f64,
 }
 
@@ -68,9 +66,7 @@ pub(crate) struct Skeleton {
     pub(crate) hips: Se3,
     pub(crate) chest: Se3,
     pub(crate) head: Se3,
-    /// Upper arm, forearm, hand.
     pub(crate) arms: [[Se3; 3]; 2],
-    /// Thigh, shank, foot.
     pub(crate) legs: [[Se3; 3]; 2],
 }
 
@@ -101,7 +97,7 @@ impl Skeleton {
                 let joint = hips.transform(&Vec3::new(0.0, SIDES[side] * k * length::HIP, 0.0));
                 let (ankle, yaw, lift) = p.feet[side];
                 let foot = Se3::new(so3::exp(&(Vec3::z() * yaw)), Vec3::zeros());
-                // Knees point where feet and hips point on average.
+                // Knees point in the mean direction of feet and hips.
                 let pole = forward + foot.rotation * Vec3::x();
                 let reach = [length::THIGH * k, length::SHANK * k];
                 let [thigh, shank] = two_bones(&joint, &ankle, &pole, reach);
@@ -139,7 +135,7 @@ fn arm(arm: Arm, chest: &Se3, side: f64, k: f64) -> [Se3; 3] {
     ]
 }
 
-/// Two bones of given lengths from `joint` to `end`, bent towards `pole`; a goal out of reach is pointed at.
+/// Two bones of given lengths from `joint` to `end`, bent towards `pole`; straight towards an end out of reach.
 fn two_bones(joint: &Vec3, end: &Vec3, pole: &Vec3, [first, second]: [f64; 2]) -> [Se3; 2] {
     let to = end - joint;
     let far = to.norm().clamp(
@@ -156,7 +152,7 @@ fn two_bones(joint: &Vec3, end: &Vec3, pole: &Vec3, [first, second]: [f64; 2]) -
     [bone(joint, &middle, &out), bone(&middle, &goal, &out)]
 }
 
-/// The frame at `from` whose -z points to `to` and whose x is as near to `front` as can be.
+/// The frame at `from` whose -z points to `to` and whose x is closest to `front`.
 fn bone(from: &Vec3, to: &Vec3, front: &Vec3) -> Se3 {
     let z = (from - to).normalize();
     let y = z.cross(front).normalize();

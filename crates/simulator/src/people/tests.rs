@@ -1,4 +1,4 @@
-//! Laws of bodies and of how they move.
+//! Properties of bodies and their motion.
 
 use super::skeleton::{SIDES, length};
 use super::*;
@@ -18,7 +18,7 @@ const CASTS: [Cast; 6] = [
     Cast::Crowd,
 ];
 
-/// How many people the crowds of four seeds have.
+/// Number of people in the crowds of four seeds.
 const CROWD: usize = 8;
 
 fn people(cast: Cast, seed: u64) -> Vec<Person> {
@@ -27,7 +27,7 @@ fn people(cast: Cast, seed: u64) -> Vec<Person> {
     std::mem::take(&mut b.people)
 }
 
-/// The people of all casts with some seeds; built once, because their clothes take long to paint.
+/// The people of all casts with some seeds; built once, as painting their clothes takes long.
 fn everyone() -> &'static [Person] {
     static EVERYONE: OnceLock<Vec<Person>> = OnceLock::new();
     EVERYONE.get_or_init(|| {
@@ -47,7 +47,7 @@ fn between(a: &Se3, b: &Se3) -> f64 {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Bones neither stretch nor come apart, whatever the person does.
+    /// Bones keep their lengths and stay connected.
     #[test]
     fn bones_keep_their_lengths(t in -1.0..14.0_f64) {
         for person in everyone() {
@@ -77,7 +77,7 @@ proptest! {
         }
     }
 
-    /// Nothing jumps: no point of a body is faster than a swinging foot, and no speed changes at once.
+    /// Motion is smooth: no point of a body is faster than a swinging foot, and no speed jumps.
     #[test]
     fn bodies_move_smoothly(t in 0.0..10.0_f64) {
         let h = 1e-3;
@@ -92,7 +92,7 @@ proptest! {
         }
     }
 
-    /// A person always stands on a heel or a toe that rests, and no foot is under the floor.
+    /// A person always stands on a resting heel or toe, and no foot is below the floor.
     #[test]
     fn feet_stay_on_the_floor_and_do_not_slide(t in 0.0..10.0_f64) {
         for person in everyone() {
@@ -115,13 +115,13 @@ proptest! {
     #[test]
     fn bodies_stay_in_the_room_and_out_of_the_desk(t in 0.0..12.0_f64) {
         for (k, person) in everyone().iter().enumerate() {
-            // The crowd comes last; its desk stands farther back, as that of those before it who fetch a chair or wear a coat.
+            // The crowd comes last; its desk stands farther back, like those of the preceding casts with a fetched chair or a coat.
             let desk = if k + CROWD + 8 < everyone().len() { -0.8..0.2 } else { -0.2..0.8 };
             for p in person.corners(t) {
                 prop_assert!(p.x.abs() < 2.95 && p.y.abs() < 2.45, "{p} at {t}");
                 prop_assert!((-0.02..2.0).contains(&p.z), "{p} at {t}");
             }
-            // Trunk and legs keep out of the desk's top; hands may reach over it.
+            // Trunk and legs avoid the desk's top; hands may reach over it.
             let s = skeleton(person, t);
             let legs = s.legs.iter().flatten().map(|pose| pose.translation);
             for p in legs.chain([s.hips.translation, s.chest.translation]) {
@@ -188,7 +188,7 @@ fn a_body_has_human_measures() {
     }
 }
 
-/// Control: somebody of a crowd turns round.
+/// Control: a person in a crowd turns round.
 #[test]
 fn the_camera_sees_the_back_of_whoever_wears_a_coat() {
     let turned = |cast| {
@@ -220,7 +220,7 @@ fn the_walking_scene_has_someone_who_walks_stops_and_sits_down() {
     assert!(people.iter().all(|p| p.gait.route.speed(0.5) < 1.5));
 }
 
-/// Hands hold what is carried: the wrists stay beside the box.
+/// The wrists stay beside the carried box.
 #[test]
 fn a_carried_box_stays_in_its_carriers_hands() {
     let people = people(Cast::Carrying, 0);
@@ -239,7 +239,7 @@ fn a_carried_box_stays_in_its_carriers_hands() {
     }
     let classes = people[0].movers(0.0).map(|m| m.class);
     assert!(classes.eq(["person", "box"]));
-    // Positions follow velocities.
+    // Positions match velocities.
     let at = |t| -> Vec<_> { people[0].movers(t).filter_map(|m| m.motion).collect() };
     for (n, now) in at(2.0).into_iter().enumerate() {
         let (before, after) = (at(1.98)[n], at(2.02)[n]);
@@ -250,7 +250,7 @@ fn a_carried_box_stays_in_its_carriers_hands() {
     }
 }
 
-/// Triangles close up: seen from anywhere a mesh's front faces and back faces have the same outline.
+/// Meshes are closed: from any direction their front faces and back faces have the same outline.
 #[test]
 fn faces_of_a_person_look_outward_and_close() {
     let scene = Scene::office_with_people(0, Cast::Sitting);
@@ -263,7 +263,7 @@ fn faces_of_a_person_look_outward_and_close() {
         assert!(area.normalize().dot(&face.normal) > 0.999_999);
         let sum = surfaces.entry(face.surface).or_default();
         sum.0 += area;
-        // Six times the volume, by the divergence theorem: positive where faces look outward.
+        // Six times the volume, by the divergence theorem: positive if faces point outward.
         sum.1 += a.dot(&b.cross(&c));
         for (k, axis) in face.axes.iter().enumerate() {
             assert!(axis.iter().all(|v| v.is_finite()) && face.offsets[k].is_finite());

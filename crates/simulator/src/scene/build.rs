@@ -1,4 +1,4 @@
-//! From quads, boxes and prisms to lit faces.
+//! Builds lit faces from quads, boxes and prisms.
 
 use super::{Corners, Face, Lamp, Light, Scene};
 use crate::people::Person;
@@ -7,7 +7,6 @@ use crate::texture::{Pattern, Texture};
 use crate::truth::ThingBox;
 use stillpoint_geometry::Vec3;
 
-/// What a face is covered with.
 #[derive(Clone, Copy)]
 pub(crate) struct Skin {
     pub(crate) texture: u16,
@@ -26,7 +25,7 @@ impl Skin {
     }
 }
 
-/// A local frame on the floor plan: origin and turn about the vertical.
+/// A local frame on the floor plan: origin and rotation about the vertical.
 #[derive(Clone, Copy)]
 pub(crate) struct Place {
     origin: Vec3,
@@ -43,7 +42,6 @@ impl Place {
         }
     }
 
-    /// A place given in this one's coordinates.
     pub(crate) fn then(&self, x: f64, y: f64, z: f64, yaw: f64) -> Self {
         let (c, s) = (libm::cos(yaw), libm::sin(yaw));
         Self {
@@ -61,7 +59,6 @@ impl Place {
         self.origin + self.direction(x, y, z)
     }
 
-    /// A point of the room in the place's coordinates.
     fn local(&self, p: &Vec3) -> Vec3 {
         let d = p - self.origin;
         Vec3::new(
@@ -72,7 +69,6 @@ impl Place {
     }
 }
 
-/// Collects faces, textures and lamps.
 pub(crate) struct Builder {
     seed: u64,
     pub(crate) rng: Stream,
@@ -98,7 +94,7 @@ impl Builder {
         }
     }
 
-    /// Notes that all faces from `first` on are one thing of a class, with the axes of a place.
+    /// Registers all faces from `first` on as an object of a class, with the axes of a place.
     fn note(&mut self, class: &'static str, place: &Place, first: usize) {
         let far = Vec3::repeat(f64::INFINITY);
         let corners = self.faces[first..].iter().flat_map(|f| f.vertices.iter());
@@ -119,7 +115,7 @@ impl Builder {
         }
     }
 
-    /// Builds a thing of a class that detectors know, by its name in COCO, at a place.
+    /// Builds an object of a COCO class at a place.
     pub(crate) fn thing(
         &mut self,
         class: &'static str,
@@ -141,7 +137,7 @@ impl Builder {
         }
     }
 
-    /// Adds a copy of everything that is there, moved by `shift` (m), under the same light as the original.
+    /// Adds a copy of everything, moved by `shift` (m), with the original's lighting.
     pub(crate) fn copy_all(&mut self, shift: &Vec3) {
         for k in 0..self.faces.len() {
             let mut face = self.faces[k].clone();
@@ -164,7 +160,7 @@ impl Builder {
         self.things.extend(copies);
     }
 
-    /// Lamps light only what is added after them.
+    /// Lamps light only faces that are added after them.
     pub(crate) fn lamp(&mut self, x: f64, y: f64, z: f64, power: f64) {
         self.light.lamps.push(Lamp {
             at: Vec3::new(x, y, z),

@@ -1,7 +1,7 @@
-//! Two rooms that look exactly alike, side by side on a corridor: a place recogniser's temptation.
+//! Two identical rooms side by side on a corridor: perceptual aliasing for place recognition.
 //!
-//! One room with its stretch of the corridor is built, lit by its own lamps, and then copied face by face: the same
-//! furniture with the same disorder, the same textures, the same light. Only the corridor's two ends differ.
+//! One room with its part of the corridor is built, lit by its own lamps, and then copied face by face: same furniture, clutter, textures
+//! and light. Only the corridor's two ends differ.
 
 use super::Scene;
 use super::build::{Builder, Place};
@@ -11,8 +11,8 @@ use crate::texture::Pattern;
 use std::f64::consts::{FRAC_PI_2, PI};
 use stillpoint_geometry::Vec3;
 
-/// From a point of the first room to the same point of the second one along x, m. With it, half the walk takes 692 frames
-/// and three turns of the walker's glance, which is why both rooms are seen with nearly the same looks to the sides.
+/// Distance along x from a point of the first room to the same point of the second, m. With it, half of the walk takes 692 frames and three
+/// periods of the walker's glance, so that both rooms are seen with nearly the same gaze.
 pub(super) const SHIFT: f64 = 6.06;
 
 /// Half the width of a room along x, and its depth along y from the corridor's wall on, m.
@@ -21,17 +21,17 @@ const ROOM: [f64; 2] = [2.8, 5.1];
 /// The corridor's two walls along y, m.
 const CORRIDOR: [f64; 2] = [-1.9, -0.1];
 
-/// The rectangle about the desks that the walk takes: half its width, its first and its last y, m.
+/// The rectangular path about the desks: half its width, its first and its last y, m.
 const ROUND: [f64; 3] = [1.3, 0.95, 3.85];
 
 /// The walk's line in the corridor, y, m.
 const AISLE: f64 = -0.9;
 
-/// Length of the walk from its start to the same place of the second room, m.
+/// Length of the walk from its start to the same point of the second room, m.
 const HALF: f64 = SHIFT + 2.0 * (ROUND[1] - AISLE) + 4.0 * ROUND[0] + 2.0 * (ROUND[2] - ROUND[1]);
 
-/// Corners of the closed walk: about the desks of the first room, along the corridor, about the desks of the second room,
-/// and back. The second half is the first one seen from the other room, but for the direction in the corridor.
+/// Corners of the closed walk: about the desks of the first room, along the corridor, about the desks of the second room, and back. The
+/// second half equals the first in the other room, except for the direction in the corridor.
 pub(super) const WALK: [[f64; 2]; 16] = {
     let [w, y0, y1] = ROUND;
     let b = SHIFT;
@@ -55,8 +55,8 @@ pub(super) const WALK: [[f64; 2]; 16] = {
     ]
 };
 
-/// Lengths of the walk, m: until it has gone about the desks of the second room, and until it has done so in the first
-/// room again, after a whole turn.
+/// Lengths of the walk, m: until it has gone about the desks of the second room, and until it has done so in the first room again, after a
+/// complete loop.
 pub(super) const LENGTHS: [f64; 2] = [HALF + 9.0, 2.0 * HALF + 6.0];
 
 pub(super) fn equal_rooms(seed: u64) -> Scene {
@@ -71,7 +71,7 @@ pub(super) fn equal_rooms(seed: u64) -> Scene {
     pictures(&mut b);
     corridor(&mut b);
     b.copy_all(&Vec3::new(SHIFT, 0.0, 0.0));
-    // The ends are lit by the lamps of both stretches.
+    // The ends are lit by the lamps of both parts.
     for (x, y, power) in lamps {
         b.lamp(x + SHIFT, y, 2.65, power);
     }
@@ -79,7 +79,7 @@ pub(super) fn equal_rooms(seed: u64) -> Scene {
     b.finish()
 }
 
-/// Floors, ceilings, walls and the door of one room and its stretch of the corridor.
+/// Floors, ceilings, walls and the door of one room and its part of the corridor.
 fn shell(b: &mut Builder) {
     let ([x, y], [south, north], half) = (ROOM, CORRIDOR, 0.5 * SHIFT);
     floor_and_ceiling(b, [-x, 0.0, x, y], Pattern::Carpet);
@@ -102,7 +102,7 @@ fn shell(b: &mut Builder) {
     part([-0.47, front, 2.1], [0.47, back, 2.18], wood);
 }
 
-/// Two desks face to face in the middle of the room, with their chairs.
+/// Two desks face to face in the centre of the room, with their chairs.
 fn desks(b: &mut Builder) {
     for (k, (dy, yaw)) in [(-0.39, 0.0), (0.39, PI)].into_iter().enumerate() {
         let desk = Place::new(0.0, 2.4 + dy, 0.0, yaw);
@@ -154,7 +154,7 @@ fn pictures(b: &mut Builder) {
     posters(b, Vec3::new(-0.55, 0.0, 0.0), -Vec3::x(), x - 0.5, 20);
 }
 
-/// Posters, a shelf and parcels in one stretch of the corridor.
+/// Posters, a shelf and parcels in one part of the corridor.
 fn corridor(b: &mut Builder) {
     let ([south, north], half) = (CORRIDOR, 0.5 * SHIFT);
     posters(b, Vec3::new(half, south, 0.0), -Vec3::x(), SHIFT, 3);
@@ -170,7 +170,7 @@ fn corridor(b: &mut Builder) {
     }
 }
 
-/// The walls that close the corridor, each with another poster.
+/// The walls that close the corridor, each with a different poster.
 fn ends(b: &mut Builder) {
     let ([south, north], half) = (CORRIDOR, 0.5 * SHIFT);
     let brick = b.skin(Pattern::Brick, 0).tiled(512.0);

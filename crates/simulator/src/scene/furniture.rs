@@ -1,4 +1,4 @@
-//! Desks, chairs, shelves and the small things on them.
+//! Desks, chairs, shelves and the small items on them.
 
 use super::build::{Builder, Place};
 use crate::texture::Pattern;
@@ -8,7 +8,7 @@ use stillpoint_geometry::Vec3;
 pub(crate) const DESK: f64 = 0.74;
 
 impl Builder {
-    /// A desk of `width` x `depth`, centred at a place on the floor, with its front to -y; bare.
+    /// A bare desk of `width` x `depth`, centred at a place on the floor, with its front to -y.
     pub(crate) fn desk(&mut self, place: &Place, size: [f64; 2], variant: usize) {
         self.thing("dining table", place, |b| {
             b.desk_faces(place, size, variant)
@@ -75,7 +75,7 @@ impl Builder {
         );
     }
 
-    /// A flat thing that lies at a place: a book, a keyboard, a sheet.
+    /// A flat item that lies at a place: a book, a keyboard, a sheet.
     pub(crate) fn slab(&mut self, place: &Place, size: [f64; 3], pattern: Pattern, variant: usize) {
         let build = |b: &mut Self| b.slab_faces(place, size, pattern, variant);
         match pattern {
@@ -112,7 +112,6 @@ impl Builder {
         self.cuboid(place, [-x, -y, 0.0], [x, y, size[2]], [skin, skin]);
     }
 
-    /// A mug or a can.
     pub(crate) fn mug(&mut self, place: &Place, variant: usize) {
         let side = self.skin(Pattern::Package, 40 + variant);
         let top = self.skin(Pattern::Plastic, 40 + variant);
@@ -121,7 +120,6 @@ impl Builder {
         });
     }
 
-    /// A beaker with pens.
     pub(crate) fn pens(&mut self, place: &Place, variant: usize) {
         let black = self.skin(Pattern::Black, 0);
         self.prism(place, [0.04, 0.1], 10, [black, black]);
@@ -138,7 +136,6 @@ impl Builder {
         }
     }
 
-    /// An office chair that faces -y.
     pub(crate) fn chair(&mut self, place: &Place, variant: usize) {
         self.thing("chair", place, |b| b.chair_faces(place, variant));
     }
@@ -249,13 +246,13 @@ impl Builder {
         }
     }
 
-    /// Things in disorder on a desk of `width` x `depth` at a place on the floor; the front two thirds stay lower.
+    /// Clutter on a desk of `width` x `depth` at a place on the floor; lower in the front two thirds.
     pub(crate) fn litter(&mut self, place: &Place, [width, depth]: [f64; 2], count: usize) {
         for k in 0..count {
             let x = self.rng.range(-0.44, 0.44) * width;
             let y = self.rng.range(-0.4, 0.4) * depth;
             let yaw = self.rng.range(-0.8, 0.8);
-            // Each thing a little higher than the one before, so that sheets never lie in the same plane.
+            // Each item a little higher than the previous one, so that sheets are never coplanar.
             let at = place.then(x, y, DESK + 0.002 * (k + 1) as f64, yaw);
             let variant = self.rng.below(10);
             let size = self.rng.range(0.8, 1.2);

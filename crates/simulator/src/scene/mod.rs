@@ -1,6 +1,4 @@
-//! The geometry of a scene: textured, lit, convex planar faces in world coordinates (z up, m).
-//!
-//! Answers: which faces there are at a time. Does not know cameras (module `raster`) or paths (module `path`).
+//! The geometry of a scene: textured, lit, convex planar faces in world coordinates (z up, m), as a function of time.
 
 mod build;
 mod equal_rooms;
@@ -16,7 +14,7 @@ use crate::truth::{MoverState, ThingBox};
 use std::ops::{Deref, DerefMut};
 use stillpoint_geometry::Vec3;
 
-/// Corners of a convex planar polygon: those of triangles, of which people have thousands, ask for no memory of their own.
+/// Corners of a convex planar polygon; triangles, of which people have thousands, are stored inline without allocation.
 #[derive(Clone)]
 pub(crate) enum Corners {
     Triangle([Vec3; 3]),
@@ -50,37 +48,34 @@ pub(crate) struct Face {
     pub(crate) vertices: Corners,
     /// Unit normal, to the outside.
     pub(crate) normal: Vec3,
-    /// Number of the texture in the scene.
+    /// Texture number.
     pub(crate) texture: u16,
     /// Texel coordinates of a point p: `axes[k] . p + offsets[k]`.
     pub(crate) axes: [Vec3; 2],
-    /// See `axes`.
     pub(crate) offsets: [f64; 2],
     /// Brightness `light[0] + light[1] s + light[2] t` at texel (s, t).
     pub(crate) light: [f32; 3],
-    /// Share of infrared light that is scattered back, 0..1: black glossy plastic hides from depth cameras.
+    /// Share of infrared light that is scattered back, 0..1: low for black glossy plastic, which depth cameras cannot measure.
     pub(crate) infrared: f32,
-    /// Number of the mover that it belongs to; 0 for what stands still.
+    /// Number of its mover; 0 for static faces.
     pub(crate) mover: u8,
-    /// Number of the smooth surface that it is part of; 0 for a face of its own.
+    /// Number of its smooth surface; 0 for a separate face.
     pub(crate) surface: u16,
-    /// Number of the thing of a known class that it belongs to and that stands still; 0 for none.
+    /// Number of its static object of a known class; 0 for none.
     pub(crate) thing: u16,
 }
 
-/// A lamp under the ceiling.
 struct Lamp {
     at: Vec3,
     power: f64,
 }
 
-/// The light of a scene, without shadows.
 #[derive(Default)]
 pub(crate) struct Light {
     lamps: Vec<Lamp>,
 }
 
-/// Light that comes from everywhere, relative to a white face at full brightness.
+/// Ambient light, relative to a white face at full brightness.
 const AMBIENT: f64 = 0.5;
 
 impl Light {
@@ -96,18 +91,17 @@ impl Light {
                     / (1.0 + 0.25 * distance2)
             })
             .sum();
-        // Light from the ceiling's white is stronger from above than from below.
+        // The white ceiling makes light from above stronger.
         AMBIENT * (1.0 + 0.15 * normal.z) + lamps
     }
 }
 
-/// All faces and textures.
 pub(crate) struct Scene {
     faces: Vec<Face>,
     textures: Vec<Texture>,
     light: Light,
     people: Vec<Person>,
-    /// What each thing is that stands still and has a class; thing k is entry k - 1.
+    /// The static objects with a class; object k is entry k - 1.
     things: Vec<ThingBox>,
 }
 
@@ -117,7 +111,7 @@ impl Scene {
         rooms::office(seed, None)
     }
 
-    /// The same office for people to walk in: without the second desk, with chairs where they sit down.
+    /// The office prepared for people: without the second desk, with chairs for them.
     pub(crate) fn office_with_people(seed: u64, cast: Cast) -> Self {
         rooms::office(seed, Some(cast))
     }
@@ -130,7 +124,7 @@ impl Scene {
     /// The corners (x, y) of a walk through both rooms and both doors.
     pub(crate) const TWO_ROOMS_WALK: [[f64; 2]; 7] = rooms::WALK;
 
-    /// Two rooms of 5.6 x 5.1 m that differ in nothing but their place, side by side on a corridor.
+    /// Two identical rooms of 5.6 x 5.1 m, side by side on a corridor.
     pub(crate) fn equal_rooms(seed: u64) -> Self {
         equal_rooms::equal_rooms(seed)
     }
@@ -141,12 +135,11 @@ impl Scene {
     /// Lengths of that walk, m: until both rooms have been seen once, and until the first one has been seen again.
     pub(crate) const EQUAL_ROOMS_LENGTHS: [f64; 2] = equal_rooms::LENGTHS;
 
-    /// What stands still.
     pub(crate) fn fixed(&self) -> &[Face] {
         &self.faces
     }
 
-    /// Faces of what moves, where it is at a time (s), that are asked for.
+    /// The selected faces of movers at a time (s).
     pub(crate) fn moving(&self, stamp: f64, asked: &mut dyn Asked) -> Vec<Face> {
         let mut faces = Vec::new();
         for person in &self.people {
@@ -155,27 +148,25 @@ impl Scene {
         faces
     }
 
-    /// What each mover is and how it moves at a time (s); mover k is entry k - 1.
+    /// The state of each mover at a time (s); mover k is entry k - 1.
     pub(crate) fn movers(&self, stamp: f64) -> Vec<MoverState> {
         self.people.iter().flat_map(|p| p.movers(stamp)).collect()
     }
 
-    /// Whether nothing ever moves in it.
     pub(crate) fn is_still(&self) -> bool {
         self.people.is_empty()
     }
 
-    /// What each thing is that stands still and has a class; thing k is entry k - 1.
+    /// The static objects with a class; object k is entry k - 1.
     pub(crate) fn things(&self) -> &[ThingBox] {
         &self.things
     }
 
-    /// What stands until somebody takes it, with its number as a mover.
+    /// Objects that stand until a person takes them, with their mover numbers.
     pub(crate) fn taken(&self) -> impl Iterator<Item = (u32, ThingBox)> {
         self.people.iter().filter_map(Person::taken)
     }
 
-    /// A texture by its number.
     pub(crate) fn texture(&self, number: u16) -> &Texture {
         &self.textures[usize::from(number)]
     }
@@ -183,7 +174,7 @@ impl Scene {
 
 #[cfg(test)]
 impl Scene {
-    /// From a point of one of the equal rooms to the same point of the other one, along x, m.
+    /// Distance along x from a point of one of the equal rooms to the same point of the other, m.
     pub(crate) const EQUAL_ROOMS_SHIFT: f64 = equal_rooms::SHIFT;
 
     /// A scene of given faces, all with one texture.
@@ -200,7 +191,7 @@ impl Scene {
 
 #[cfg(test)]
 impl Face {
-    /// A face of 64 x 64 texels that stands still: from a corner to the right and up, seen from where these turn counter-clockwise.
+    /// A static face of 64 x 64 texels: from a corner to the right and up, seen from where these turn counter-clockwise.
     pub(crate) fn quad(corner: Vec3, right: Vec3, up: Vec3) -> Self {
         let axes = [
             right * (64.0 / right.norm_squared()),

@@ -1,4 +1,4 @@
-//! The rooms: where walls, doors and furniture stand.
+//! The rooms: walls, doors and furniture.
 
 use super::Scene;
 use super::build::{Builder, Place};
@@ -8,10 +8,10 @@ use crate::people::Cast;
 use crate::texture::Pattern;
 use stillpoint_geometry::Vec3;
 
-/// A thing that lies on a desk: x, y, turn, size, pattern, variant.
+/// An item on a desk: x, y, rotation, size, pattern, variant.
 type Lying = (f64, f64, f64, [f64; 3], Pattern, usize);
 
-/// What lies on the work desk; the height of its place is the desk's, but for the book on top of another.
+/// Items on the work desk, at the desk's height except for the book on top of another.
 const LYING: [Lying; 11] = {
     use Pattern::{Cover, Keyboard, Package, Paper, Parcel, Plastic};
     [
@@ -29,7 +29,7 @@ const LYING: [Lying; 11] = {
     ]
 };
 
-/// Sheets with small things on a desk; where they overlap, the later one lies on top.
+/// Sheets with small items on a desk; where they overlap, the later one is on top.
 fn sheets(b: &mut Builder, place: &Place) {
     for (k, (x, y)) in [
         (-0.9, 0.0),
@@ -51,7 +51,7 @@ fn sheets(b: &mut Builder, place: &Place) {
     }
 }
 
-/// The desk that the small scenes look at, centred at a place, front to -y; `tidy` without sheets and litter.
+/// The desk in the view of the small scenes, centred at a place, front to -y; `tidy` without sheets and clutter.
 fn work_desk(b: &mut Builder, place: &Place, tidy: bool) {
     b.desk(place, [2.0, 1.0], 0);
     let on = |x: f64, y: f64, yaw: f64| place.then(x, y, DESK, yaw);
@@ -83,7 +83,7 @@ fn work_desk(b: &mut Builder, place: &Place, tidy: bool) {
     }
 }
 
-/// The office; people need room, so that they have chairs instead of the second desk.
+/// The office; with people it has chairs instead of the second desk, for space.
 pub(super) fn office(seed: u64, cast: Option<Cast>) -> Scene {
     let b = &mut Builder::new(seed);
     b.lamp(-1.2, 0.0, 2.65, 1.0);
@@ -98,9 +98,9 @@ pub(super) fn office(seed: u64, cast: Option<Cast>) -> Scene {
     wall(b, [x, y], [x, -y], [0.0, HEIGHT], brick);
     wall(b, [x, -y], [-x, -y], [0.0, HEIGHT], plaster);
     wall(b, [-x, -y], [-x, y], [0.0, HEIGHT], plaster);
-    // The person in a coat has a tidy desk before a bare wall.
+    // The scene with the coat has a tidy desk before a bare wall.
     let bare = cast == Some(Cast::Coated);
-    // A crowd needs the room before it.
+    // A crowd needs the space before the desk.
     let far = matches!(cast, Some(Cast::Crowd | Cast::Coated | Cast::Fetching));
     let desk = if far { 0.3 } else { -0.3 };
     work_desk(b, &Place::new(0.0, desk, 0.0, 0.0), bare);
@@ -172,7 +172,7 @@ pub(super) const WALK: [[f64; 2]; 7] = [
 /// Far walls and length of the two rooms, m.
 const TWO_ROOMS: [f64; 2] = [9.0, 7.5];
 
-/// Places of the two doors along the wall between the rooms, m; each is 1 m wide and 2.1 m high.
+/// Positions of the two doors along the wall between the rooms, m; each is 1 m wide and 2.1 m high.
 const DOORS: [f64; 2] = [1.5, 6.0];
 
 pub(super) fn two_rooms(seed: u64) -> Scene {
@@ -257,7 +257,7 @@ fn wall_with_doors(b: &mut Builder, length: f64) {
     }
 }
 
-/// Four desks with their chairs in the middle of a room.
+/// Four desks with their chairs in the centre of a room.
 fn island(b: &mut Builder, side: f64) {
     use std::f64::consts::PI;
     for (k, (dx, dy, yaw)) in [

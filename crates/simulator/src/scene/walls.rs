@@ -1,16 +1,14 @@
-//! Walls, floors, ceilings and what hangs on walls.
+//! Walls, floors, ceilings and wall decorations.
 
 use super::build::{Builder, Skin};
 use crate::texture::Pattern;
 use stillpoint_geometry::Vec3;
 
-/// How many different posters there are.
 pub(super) const POSTERS: usize = 24;
 
-/// Height of a room, m.
 pub(super) const HEIGHT: f64 = 2.7;
 
-/// Builds a wall from (x0, y0) to (x1, y1), to be seen from its right hand side.
+/// Builds a wall from (x0, y0) to (x1, y1), visible from its right hand side.
 pub(super) fn wall(
     b: &mut Builder,
     [x0, y0]: [f64; 2],
@@ -47,7 +45,7 @@ pub(super) fn picture(
     b.quad(centre + out * 0.006 - (right + up) * 0.5, right, up, skin);
 }
 
-/// Posters of random kind along a wall from `start` in direction `along` over `length`.
+/// Random posters along a wall from `start` in direction `along` over `length`.
 pub(super) fn posters(b: &mut Builder, start: Vec3, along: Vec3, length: f64, first: usize) {
     let out = along.cross(&Vec3::z());
     let mut x = 0.3;

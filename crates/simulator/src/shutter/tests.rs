@@ -1,4 +1,4 @@
-//! Rows at their own times, exposures of a length, and nothing new where the shutter is global.
+//! Rolling shutter, motion blur, and unchanged images with a global shutter.
 
 use super::*;
 use crate::scene::Face;
@@ -10,7 +10,7 @@ const READOUT: f64 = 0.02;
 const TURN: f64 = 1.0;
 const FOCAL: f64 = 535.0;
 
-/// A wall 2 m away, of which the left border is on the optical axis.
+/// A wall 2 m away, whose left border is on the optical axis.
 fn half_a_wall() -> Scene {
     let corner = Vec3::new(0.0, 2.0, 2.0);
     let wall = Face::quad(corner, Vec3::x() * 4.0, Vec3::y() * -4.0);
@@ -27,7 +27,7 @@ fn lens(distortion: BrownConrady) -> Lens {
     Lens::new(&camera)
 }
 
-/// The first column of a row that sees anything.
+/// The first column of a row with a face.
 fn border(pixels: &Pixels, y: usize) -> f64 {
     let row = &pixels.inverse_depth[640 * y..640 * (y + 1)];
     row.iter().position(|w| *w > 0.0).unwrap() as f64
@@ -43,7 +43,7 @@ fn a_turn_shifts_rows_by_their_time() {
     };
     let (rolled, at_once) = (sight.pixels(0.0, READOUT), sight.pixels(0.0, 0.0));
     for y in [0, 60, 200, 240, 300, 479] {
-        // What stands still goes to the left as the camera turns to the right, by f w t near the axis.
+        // Static points move left as the camera turns right, by f w t near the axis.
         let expected = -FOCAL * TURN * READOUT * (y as f64 / 480.0 - 0.5);
         let shift = border(&rolled, y) - border(&at_once, y);
         assert!(
@@ -121,7 +121,7 @@ fn a_border_is_blurred_over_the_way_of_an_exposure() {
             ..Shutter::default()
         };
         let image = sight.colour(0.0, &shutter);
-        // The second colour of the texture is the same along a row.
+        // The second colour of the texture is constant along a row.
         let row: Vec<f32> = (0..640).map(|x| image[3 * (640 * 240 + x) + 1]).collect();
         let bright = row[400];
         assert!(bright > 20.0);
@@ -133,7 +133,7 @@ fn a_border_is_blurred_over_the_way_of_an_exposure() {
         let (found, expected) = (width(exposure), FOCAL * TURN * exposure);
         assert!((found - expected).abs() < 2.6, "{found} px for {expected}");
     }
-    // Faster than the cap on exposures needs no more of them.
+    // The number of exposures is capped.
     assert_eq!(sight.exposures(0.0, 0.0), 1);
     assert!((3..=6).contains(&sight.exposures(0.0, 0.01)));
     assert_eq!(sight.exposures(0.0, 0.5), MOST_EXPOSURES);

@@ -1,32 +1,30 @@
-//! The inertial sensor on the simulated camera.
-//!
-//! Answers: what a gyroscope and an accelerometer would have measured on the camera's path, exactly or as a real sensor errs.
+//! The inertial sensor on the simulated camera, exact or with realistic errors.
 
 use super::Simulator;
 use crate::random::{Normal, Purpose, bits, key};
 use stillpoint_geometry::{ImuModel, STANDARD_GRAVITY, Se3, Vec3, so3};
 use stillpoint_imaging::ImuSample;
 
-/// Samples begin so long before the first frame, s: a sensor runs when the camera is switched on.
+/// Samples begin this long before the first frame, s: a sensor starts when the camera is switched on.
 pub(super) const BEFORE: f64 = 0.05;
-/// Step of the differences that stand for derivatives, s: their errors, by the step and by rounding, are below 1e-6 of what is measured.
+/// Step of numeric derivatives, s: errors of discretisation and rounding are below 1e-6 of the values.
 const STEP: f64 = 1e-3;
 
 /// An inertial sensor on the camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulatedImu {
-    /// How it is mounted, and by how much it errs. Its stamps are late by the time offset that the model is to add: early by a positive one.
+    /// Its mounting and error model. Stamps are shifted by minus the model's time offset.
     pub model: ImuModel,
     /// Samples per second, 10 to 4000.
     pub rate: f64,
-    /// Without noise it measures exactly, and has no bias and no steps.
+    /// Without noise it measures exactly, without bias and quantisation.
     pub noise: bool,
-    /// Values between two steps of the gyroscope, rad/s, and of the accelerometer, m/s^2.
+    /// Quantisation steps of the gyroscope, rad/s, and of the accelerometer, m/s^2.
     pub steps: [f64; 2],
 }
 
 impl Default for SimulatedImu {
-    /// A BMI055 at 200 Hz where a D435i has it, with ranges of 500 deg/s (65.6 LSB per deg/s) and 4 g (512 LSB/g) by its data sheet.
+    /// A BMI055 at 200 Hz mounted as in a D435i, with ranges of 500 deg/s (65.6 LSB per deg/s) and 4 g (512 LSB/g) by its data sheet.
     fn default() -> Self {
         let place = Vec3::new(-0.0055, 0.0051, 0.0117);
         Self {
@@ -39,7 +37,7 @@ impl Default for SimulatedImu {
 }
 
 impl Simulator {
-    /// What the sensor measures during the whole recording, in order of time. A pure function of the configurations and the seed.
+    /// All samples of the recording, in time order. A pure function of the configurations and the seed.
     #[must_use]
     pub fn inertial(&self, imu: &SimulatedImu) -> Vec<ImuSample> {
         let rate = imu.rate.clamp(10.0, 4000.0);
@@ -74,7 +72,6 @@ impl Simulator {
     }
 }
 
-/// What is wrong with the samples, one after the other.
 struct Errors<'a> {
     imu: &'a SimulatedImu,
     normal: Normal,
@@ -101,7 +98,7 @@ impl<'a> Errors<'a> {
         errors
     }
 
-    /// Three normal numbers of a sample, of one of its four streams.
+    /// Three normal numbers for a sample, from one of four streams.
     fn draw(&self, sample: u64, stream: u64) -> Vec3 {
         let at = |axis: u64| {
             let index = 12 * sample + 3 * stream + axis;
@@ -155,7 +152,7 @@ mod tests {
 
     #[test]
     fn a_steady_screw_has_a_constant_rate_and_its_centripetal_force() {
-        // A turn about the vertical with a lever arm: the rate is constant, the force is gravity and omega^2 r.
+        // A rotation about the vertical with a lever arm: the rate is constant, the force is gravity and omega^2 r.
         let start = Se3::new(
             so3::exp(&Vec3::new(0.0, 0.0, 0.3)),
             Vec3::new(1.0, 2.0, 1.0),
@@ -166,7 +163,7 @@ mod tests {
         let model = ImuModel::bmi055().turned(Vec3::new(0.4, -0.2, 1.0));
         let axes = model.camera_from_imu.rotation.inverse();
         let omega = Vec3::new(0.0, 0.0, 1.5);
-        // In the axes of the camera the velocity is (0.2, 0, 0) for ever.
+        // In the axes of the camera the velocity is constantly (0.2, 0, 0).
         let force = omega.cross(&Vec3::new(0.2, 0.0, 0.0)) + Vec3::z() * STANDARD_GRAVITY;
         for s in simulator.inertial(&exactly(model)) {
             assert!((Vec3::from(s.angular_rate) - axes * omega).norm() < 1e-8);

@@ -1,43 +1,43 @@
-//! Odometry of a base that carries the simulated camera.
+//! Wheel odometry of a base that carries the simulated camera, exact or with realistic errors.
 //!
-//! Answers: where the wheels would say that the base is, exactly or as real wheels err. The base is wherever the camera is: also a path that no wheels could go is measured, in all six degrees of freedom.
+//! The base follows the camera: even a path impossible for wheels is measured, in all six degrees of freedom.
 
 use super::Simulator;
 use crate::random::{Normal, Purpose, bits, key};
 use stillpoint_geometry::{OdometryModel, Se3, Vec3, so3};
 use stillpoint_imaging::OdometrySample;
 
-/// Samples begin so long before the first frame, s.
+/// Samples begin this long before the first frame, s.
 pub(super) const BEFORE: f64 = 0.2;
-/// From sample to sample the share of a way that is measured changes by so many times what is wrong with it throughout.
+/// Standard deviation of the varying scale errors relative to that of the constant ones.
 const RESTLESS: f64 = 3.0;
 
-/// A stretch of time in which wheels spin: they go ahead without the base.
+/// An interval in which the wheels spin: they advance without the base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WheelSlip {
-    /// From, s.
+    /// Start, s.
     pub from: f64,
-    /// To, s.
+    /// End, s.
     pub to: f64,
-    /// How fast, m/s.
+    /// Speed, m/s.
     pub speed: f64,
 }
 
 /// Odometry of the base under the camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulatedOdometry {
-    /// How the camera stands on the base, and by how much the wheels err. Stamps are early by the time offset.
+    /// The camera's pose on the base, and the error model of the wheels. Stamps are shifted by minus the time offset.
     pub model: OdometryModel,
     /// Samples per second, 2 to 1000.
     pub rate: f64,
-    /// Without noise it measures exactly. With noise a share of every way, of every turn, and a turn on every metre are wrong throughout, each drawn once with the
-    /// model's deviation; and from sample to sample the first two change by three times as much.
+    /// Without noise it measures exactly. With noise there are constant errors (scale of distances, scale of rotations, and rotation per
+    /// metre), each drawn once with the model's deviation; from sample to sample the first two vary by three times as much.
     pub noise: bool,
-    /// When wheels spin.
+    /// Intervals of spinning wheels.
     pub slips: Vec<WheelSlip>,
-    /// It says for ever that the base stands still.
+    /// Reports a standing base throughout.
     pub stuck: bool,
-    /// Independent noise of every sample, m and rad: what no base does.
+    /// Independent noise of every sample, m and rad; unrealistic for wheels.
     pub jitter: [f64; 2],
 }
 
@@ -59,7 +59,7 @@ impl Default for SimulatedOdometry {
 }
 
 impl Simulator {
-    /// What the wheels say during the whole recording, in order of time. A pure function of the configurations and the seed.
+    /// All samples of the recording, in time order. A pure function of the configurations and the seed.
     #[must_use]
     pub fn odometry(&self, wheels: &SimulatedOdometry) -> Vec<OdometrySample> {
         let rate = wheels.rate.clamp(2.0, 1000.0);
@@ -94,12 +94,11 @@ impl Simulator {
     }
 }
 
-/// What is wrong with the wheels.
 struct Errors<'a> {
     wheels: &'a SimulatedOdometry,
     normal: Normal,
     key: u64,
-    /// Shares of way and turn, and turn on a metre, rad/m.
+    /// Constant scale errors of distance and rotation, and rotation per metre, rad/m.
     throughout: [f64; 3],
 }
 
@@ -122,7 +121,7 @@ impl<'a> Errors<'a> {
         f64::from(self.normal.at(bits(self.key, 12 * sample + stream)))
     }
 
-    /// A step as the wheels count it, taken in a span of time, s.
+    /// A measured step with errors, over a span of time, s.
     fn spoil(&self, sample: u64, step: &Se3, [from, to]: [f64; 2]) -> Se3 {
         let (mut way, mut turn) = (step.translation, so3::log(&step.rotation));
         if self.wheels.noise {
@@ -219,7 +218,7 @@ mod tests {
             ..exactly()
         };
         let [said, exact] = motions(&simulator, &spinning);
-        // Ahead is where the camera looks.
+        // The camera looks ahead.
         let more = said.translation - exact.translation;
         assert!((more.z - 0.2).abs() < 0.01, "{more}");
         let stuck = SimulatedOdometry {

@@ -7,7 +7,7 @@ use stillpoint_imaging::{
     FrameSource, ImuSample, ImuTrack, OdometrySample, OdometryTrack, RgbdFrame, SourceError,
 };
 
-/// The frames of a [`Simulator`], one after the other.
+/// The frames of a [`Simulator`], in order.
 pub struct SimulatorSource {
     simulator: Simulator,
     next: usize,
@@ -15,7 +15,7 @@ pub struct SimulatorSource {
     colour: bool,
     imu: ImuTrack,
     odometry: OdometryTrack,
-    /// Stamp of the newest frame that was given, s.
+    /// Stamp of the newest returned frame, s.
     newest: Option<f64>,
 }
 
@@ -32,7 +32,7 @@ impl SimulatorSource {
         }
     }
 
-    /// The same stream with colour images.
+    /// Adds colour images.
     #[must_use]
     pub fn with_colour(self) -> Self {
         Self {
@@ -41,8 +41,7 @@ impl SimulatorSource {
         }
     }
 
-    /// The same stream from frame `start` on, up to but not including `end` where it is given; ids and stamps stay those of the
-    /// whole recording.
+    /// Limits the stream to the frames from `start` up to and excluding `end`; ids and stamps stay those of the whole recording.
     #[must_use]
     pub fn between(mut self, start: usize, end: Option<usize>) -> Self {
         self.end = end.map_or(self.simulator.len(), |e| e.min(self.simulator.len()));
@@ -50,21 +49,21 @@ impl SimulatorSource {
         self.leave_out_earlier()
     }
 
-    /// The same stream with what an inertial sensor measures.
+    /// Adds an inertial sensor.
     #[must_use]
     pub fn with_imu(mut self, imu: &SimulatedImu) -> Self {
         self.imu = ImuTrack::new(self.simulator.inertial(imu).into());
         self.leave_out_earlier()
     }
 
-    /// The same stream with what the wheels of a base say that carries the camera.
+    /// Adds wheel odometry.
     #[must_use]
     pub fn with_odometry(mut self, wheels: &SimulatedOdometry) -> Self {
         self.odometry = OdometryTrack::new(self.simulator.odometry(wheels).into());
         self.leave_out_earlier()
     }
 
-    /// Samples from before the next frame are those of frames that are not given.
+    /// Drops samples that precede the next frame.
     fn leave_out_earlier(mut self) -> Self {
         let next = self.simulator.stamp(self.next);
         self.imu.skip_before(next - BEFORE);

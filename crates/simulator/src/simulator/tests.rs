@@ -1,4 +1,4 @@
-//! What only the inside of a simulator can tell.
+//! Tests of internals.
 
 use super::*;
 use crate::raster::View;
@@ -19,8 +19,8 @@ fn look(sim: &Simulator, pose: &Se3) -> (Vec<u8>, Vec<f32>) {
     )
 }
 
-/// No view from the first room differs from the view from the same place of the second one, but where rounding takes
-/// an edge to the other side. The corridor's ends are what differs, and in the rooms nobody sees them.
+/// Views from the first room equal those from the same place of the second, except for rounding at edges. Only the corridor's ends differ,
+/// and are invisible from the rooms.
 #[test]
 fn the_equal_rooms_look_exactly_alike() {
     let sim = Simulator::new(&SimulatorConfig {
@@ -49,14 +49,13 @@ fn the_equal_rooms_look_exactly_alike() {
         let (far, far_depth) = (far.count(), far_depth.count());
         assert!(far < 300, "at {t} s: {far} of 921600 bytes");
         assert!(far_depth < 30, "at {t} s: {far_depth} of 307200 depths");
-        // Not because there is nothing to see.
+        // There is enough texture to compare.
         let mean = bytes.iter().map(|v| f64::from(*v)).sum::<f64>() / bytes.len() as f64;
         assert!(bytes.iter().filter(|v| f64::from(**v) > 1.3 * mean).count() > 50_000);
     }
 }
 
-/// A pixel whose four colour samples see one mover (or none) has that mover in the mask, but for slivers that are
-/// thinner than half a pixel.
+/// A pixel whose four colour samples see one mover (or none) has that mover in the mask, except for slivers thinner than half a pixel.
 #[test]
 fn masks_agree_with_what_the_colour_image_shows() {
     let sim = Simulator::new(&SimulatorConfig {

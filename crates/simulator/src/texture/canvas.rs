@@ -1,15 +1,13 @@
-//! A small painter: anti-aliased shapes, letter-like glyphs and noise on a float image.
+//! Paints anti-aliased shapes, letter-like glyphs and noise on a float image.
 
 use crate::random::Stream;
 
-/// An RGB image that is being painted, 0..255.
 pub(crate) struct Canvas {
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) pixels: Vec<[f32; 3]>,
 }
 
-/// An RGB colour, 0..255.
 pub(crate) type Rgb = [f32; 3];
 
 impl Canvas {
@@ -41,8 +39,8 @@ impl Canvas {
         half
     }
 
-    /// Paints where the signed distance `sdf` (px, negative inside) says so, with soft borders of one pixel. `bounds`
-    /// is [left, top, right, bottom] of the shape.
+    /// Paints a shape given by its signed distance `sdf` (px, negative inside), with soft borders of one pixel. `bounds` is [left, top,
+    /// right, bottom] of the shape.
     pub(crate) fn shape(&mut self, bounds: [f32; 4], colour: Rgb, sdf: impl Fn(f32, f32) -> f32) {
         let clip = |v: f32, max: usize| v.clamp(0.0, max as f32) as usize;
         for y in clip(bounds[1] - 1.0, self.height)..clip(bounds[3] + 2.0, self.height) {
@@ -63,7 +61,7 @@ impl Canvas {
         });
     }
 
-    /// A rectangle about a centre with half sides `half`, turned by an angle given as (cos, sin).
+    /// A rectangle about a centre with half sides `half`, rotated by an angle given as (cos, sin).
     pub(crate) fn turned_rect(
         &mut self,
         [cx, cy]: [f32; 2],
@@ -78,7 +76,6 @@ impl Canvas {
         });
     }
 
-    /// An ellipse with half axes `rx` and `ry`.
     pub(crate) fn ellipse(&mut self, [cx, cy]: [f32; 2], [rx, ry]: [f32; 2], colour: Rgb) {
         self.shape([cx - rx, cy - ry, cx + rx, cy + ry], colour, |x, y| {
             let (dx, dy) = ((x - cx) / rx, (y - cy) / ry);
@@ -146,8 +143,8 @@ impl Canvas {
         }
     }
 
-    /// Adds smooth noise of the given amplitude, with lattice cells of `cell` = [x, y] px (which must divide the sides),
-    /// equal in all channels. It wraps around.
+    /// Adds smooth periodic noise of the given amplitude, with lattice cells of `cell` = [x, y] px (which must divide the sides), equal in
+    /// all channels.
     pub(crate) fn grain(&mut self, rng: &mut Stream, cell: [usize; 2], amplitude: f32) {
         let (nx, ny) = (
             (self.width / cell[0]).max(1),

@@ -1,4 +1,4 @@
-//! What people wear and what their faces look like.
+//! Textures of clothes and faces.
 
 use super::canvas::{Canvas, Rgb};
 use super::patterns::{gray, random_shapes, vivid};
@@ -45,14 +45,12 @@ fn crease(c: &mut Canvas, a: [f32; 2], b: [f32; 2], w: f32, by: f32) {
     }
 }
 
-/// Threads of woven cloth.
 fn weave(c: &mut Canvas, rng: &mut Stream, strength: f32) {
     c.grain(rng, [2, 8], strength);
     c.grain(rng, [8, 2], strength);
     c.grain(rng, [32, 32], strength);
 }
 
-/// A row of buttons down the middle.
 fn buttons(c: &mut Canvas, colour: Rgb) {
     let x = 0.5 * c.width as f32;
     c.rect([x - 9.0, 0.0, x - 7.5, 512.0], colour.map(|v| 0.4 * v));
@@ -145,7 +143,7 @@ pub(super) fn print(rng: &mut Stream) -> Canvas {
     c
 }
 
-/// A coat with a print of small bold shapes all over, so that it has more corners than what stands in a room.
+/// A coat with a print of small bold shapes all over, which gives it more corners than the furniture of a room.
 pub(super) fn coat(rng: &mut Stream) -> Canvas {
     let mut c = Canvas::new(512, 512, gray(46.0));
     random_shapes(&mut c, rng, 1800, [3.0, 9.0]);
@@ -182,7 +180,6 @@ pub(super) fn denim(rng: &mut Stream) -> Canvas {
     c
 }
 
-/// Plain trousers with creases.
 pub(super) fn chino(rng: &mut Stream) -> Canvas {
     let base: Rgb = [
         [152.0, 132.0, 98.0],
@@ -204,7 +201,7 @@ pub(super) fn chino(rng: &mut Stream) -> Canvas {
     c
 }
 
-/// The complexion of a person's face and hands, from the seed that both have in common.
+/// The complexion of a person's face and hands, from their common seed.
 fn complexion(seed: u64) -> Rgb {
     let rng = &mut Stream::new(seed, Purpose::People, 1);
     [
@@ -214,7 +211,6 @@ fn complexion(seed: u64) -> Rgb {
     ][rng.below(3)]
 }
 
-/// Bare skin.
 pub(super) fn skin(rng: &mut Stream, seed: u64) -> Canvas {
     let mut c = Canvas::new(128, 128, complexion(seed));
     c.grain(rng, [32, 32], 7.0);

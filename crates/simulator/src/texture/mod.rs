@@ -1,7 +1,4 @@
-//! Mip-mapped textures and how a pixel samples them.
-//!
-//! Answers: which colour a texture has around a point, averaged over a footprint. Does not know where a texture hangs
-//! (module `scene`); what is painted on it is in `patterns`.
+//! Mip-mapped textures, sampled with a footprint. The patterns are painted by `patterns`.
 
 mod canvas;
 mod clothes;
@@ -12,7 +9,7 @@ pub(crate) use patterns::Pattern;
 
 use canvas::Canvas;
 
-/// An RGB texture with its mip levels; wraps around at its borders. Sides are powers of two.
+/// An RGB texture with its mip levels; periodic. Sides are powers of two.
 pub(crate) struct Texture {
     levels: Vec<Level>,
 }
@@ -22,7 +19,7 @@ struct Level {
     mask_t: i32,
     /// log2 of the width.
     shift: u32,
-    /// 0x00GG_BBRR: the order that [`spread`] takes apart with one shift.
+    /// 0x00GG_BBRR: the order that [`spread`] separates with one shift.
     texels: Vec<u32>,
 }
 
@@ -33,7 +30,7 @@ fn spread(texel: u32) -> u64 {
 }
 
 const LANES: u64 = 0x0000_00FF_00FF_00FF;
-/// Rounds instead of cutting off, so that the mean colour stays right.
+/// Rounds instead of truncating, to keep the mean colour.
 const HALVES: u64 = 0x0000_0080_0080_0080;
 
 /// `a` to `b` by `f` / 256 in each lane.
@@ -93,11 +90,11 @@ impl Texture {
         [f64::from(level.mask_s + 1), f64::from(level.mask_t + 1)]
     }
 
-    /// Trilinear sample at (s, t), in texels of the finest level from its corner; `footprint2` is the squared length in
-    /// texels that one pixel spans. Returns RGB in 1/256 grey levels.
+    /// Trilinear sample at (s, t), in texels of the finest level from its corner; `footprint2` is the squared length in texels that one
+    /// pixel spans. Returns RGB in 1/256 grey levels.
     #[inline]
     pub(crate) fn sample(&self, s: f32, t: f32, footprint2: f32) -> [f32; 3] {
-        // Half the logarithm to base 2, with the mantissa taken linearly: at most 0.05 levels off and the same everywhere.
+        // Half the logarithm to base 2, with the mantissa taken linearly: at most 0.05 levels off, and deterministic.
         let bits = footprint2.max(1.0).to_bits();
         let log = (bits - 0x3F80_0000) >> 16;
         let last = (self.levels.len() - 1) as u32;

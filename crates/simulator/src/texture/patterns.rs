@@ -1,41 +1,32 @@
-//! What is painted on walls, floors, desks and things.
+//! Patterns of walls, floors, desks and objects.
 
 use super::canvas::{Canvas, Rgb};
 use super::{clothes, surfaces};
 use crate::random::{Purpose, Stream};
 
-/// A kind of surface. The seed decides colours and content.
+/// A kind of surface. The seed determines colours and content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pattern {
-    /// Painted plaster: almost nothing to see.
+    /// Painted plaster: almost no texture.
     Plaster,
     /// Brick wall under white paint.
     Brick,
-    /// Short-pile carpet.
     Carpet,
-    /// Wooden floor boards.
     Parquet,
     /// Ceiling panels with dots.
     Ceiling,
     /// White laminate of a desk top, with faint grain and stains.
     Laminate,
-    /// Brown wood.
     Wood,
-    /// A poster with shapes and lines of text.
     Poster,
-    /// A book's cover.
     Cover,
-    /// A row of books' spines.
     Spines,
-    /// A sheet of paper with text.
     Paper,
-    /// A keyboard.
     Keyboard,
     /// A dark screen with its frame.
     DarkScreen,
     /// A screen with windows and text.
     LitScreen,
-    /// A parcel with tape and a label.
     Parcel,
     /// Dark upholstery.
     Fabric,
@@ -47,19 +38,12 @@ pub(crate) enum Pattern {
     Package,
     /// Many small things: cables, clips, pens.
     Clutter,
-    /// A checked shirt.
     Plaid,
-    /// A printed T-shirt.
     Print,
-    /// Blue jeans.
     Denim,
-    /// Plain trousers.
     Chino,
-    /// Bare skin.
     Skin,
-    /// A head with hair and face.
     Face,
-    /// A shoe.
     Shoe,
     /// A side of a printed cardboard box.
     Carton,

@@ -1,14 +1,14 @@
-//! From where the surface is looked at.
+//! Viewpoint of the surface.
 
 use stillpoint_geometry::Vec3;
 
-/// How far the view is turned down from the horizon, rad: as one looks at a model on a table.
+/// Pitch of the view below the horizon, rad, as when looking at a model on a table.
 const PITCH: f64 = 0.70;
-/// Part of the panel that stays free at each border.
+/// Free share of the panel at each border.
 const MARGIN: f64 = 0.04;
-/// Part of the surface that may lie outside at each border: what a few far points show is not worth the room.
+/// Share of the surface points that may lie outside at each border.
 const CUT: f64 = 0.03;
-/// Focal length over the width of the panel: a view of 28 degrees, in which parallels hardly converge.
+/// Focal length relative to the width of the panel: a field of view of 28 degrees, in which parallels hardly converge.
 const FOCAL: f64 = 2.0;
 
 /// A pinhole camera outside of the room.
@@ -18,14 +18,12 @@ pub(super) struct Viewpoint {
     right: Vec3,
     down: Vec3,
     forward: Vec3,
-    /// px.
     focal: f64,
-    /// px.
     centre: (f64, f64),
 }
 
 impl Viewpoint {
-    /// Looks along a heading, from above, at points: `cut` are those of which a few may lie outside, `whole` those of which none may.
+    /// Looks along a heading, from above, so that all points of `whole` are visible, and all but a few of `cut`.
     pub(super) fn fitting(
         cut: &[Vec3],
         whole: &[Vec3],
@@ -54,7 +52,7 @@ impl Viewpoint {
             centre: (0.0, 0.0),
         };
         let room = ((1.0 - 2.0 * MARGIN) * w, (1.0 - 2.0 * MARGIN) * h);
-        // The nearest distance from which all fits, m.
+        // Bisects the smallest distance from which everything fits, m.
         let (mut near, mut far) = (0.05, 1000.0);
         for _ in 0..40 {
             let distance = 0.5 * (near + far);
@@ -73,7 +71,7 @@ impl Viewpoint {
         view
     }
 
-    /// Left, right, top and bottom of what is to be seen; none where some of it lies behind.
+    /// Left and right, top and bottom of the visible range; `None` if a point is behind the camera.
     fn bounds(&self, cut: &[Vec3], whole: &[Vec3]) -> Option<([f64; 2], [f64; 2])> {
         let project = |points: &[Vec3]| -> Option<Vec<(f64, f64)>> {
             let seen = points.iter().map(|p| self.project(p));
@@ -93,7 +91,7 @@ impl Viewpoint {
         Some((range(|p| p.0)?, range(|p| p.1)?))
     }
 
-    /// Column and row, px, and distance along the view, m; none behind the eye.
+    /// Column and row, px, and depth, m; `None` behind the camera.
     pub(super) fn project(&self, p: &Vec3) -> Option<(f64, f64, f64)> {
         let ray = p - self.eye;
         let z = ray.dot(&self.forward);
@@ -104,12 +102,11 @@ impl Viewpoint {
         })
     }
 
-    /// px.
     pub(super) fn focal(&self) -> f64 {
         self.focal
     }
 
-    /// The same view of a panel so many times as large.
+    /// The same view for a panel scaled by a factor.
     pub(super) fn scaled(&self, by: f64) -> Self {
         Self {
             focal: self.focal * by,
@@ -144,7 +141,7 @@ mod tests {
         assert!(whole.iter().all(inside));
         let seen = cut.iter().filter(|p| inside(p)).count();
         assert!(seen > 850, "{seen}");
-        // What is higher is higher in the picture, what is to the right is to the right, and it is looked at from above.
+        // Up and right are preserved, and the view is from above.
         let at = |x, y, z| view.project(&Vec3::new(x, y, z)).unwrap();
         assert!(at(5.0, 1.0, 5.0).1 < at(5.0, 2.0, 5.0).1);
         assert!(at(6.0, 1.0, 5.0).0 > at(5.0, 1.0, 5.0).0);

@@ -1,4 +1,4 @@
-//! Both halves of a picture and the lines under them.
+//! Composes both halves of an image and the lines under them.
 
 use super::camera::Viewpoint;
 use super::legend::{Entry, draw_line, legend};
@@ -7,78 +7,74 @@ use crate::text::Text;
 use crate::{Colour, Picture, shapes};
 use stillpoint_geometry::{Se3, Vec3};
 
-/// Width of a picture, px: what a page of text shows without scaling.
+/// Width of an image, px: unscaled on a page of text.
 const WIDTH: usize = 900;
-/// Between both halves, px.
 pub(super) const GAP: usize = 4;
-/// Size of all text, px.
 pub(super) const TEXT: f32 = 15.0;
-/// The ground of the right half and of the lines below.
+/// Background of the right half and of the lines below.
 const GROUND: Colour = Colour::PANEL;
-/// Width of a trajectory, and of the true one, which shows on both sides of one that lies on it, px.
+/// Line width of a trajectory, and of the true one, which stays visible on both sides of one on top, px.
 const LINE: f32 = 2.2;
 const TRUE_LINE: f32 = 5.0;
-/// How far the dark edge reaches that makes a trajectory stand out, px, and how dark it is.
+/// Width of the dark edge around a trajectory, px, and its opacity.
 const EDGE: f32 = 1.2;
 const EDGE_SHARE: f32 = 0.55;
-/// Poses farther apart are not joined by a line, s: nobody knows what was between them.
+/// Poses farther apart than this, s, are not connected by a line.
 const APART: f64 = 0.5;
-/// Length of the drawn camera, px.
 const CAMERA: f64 = 26.0;
-/// Points of the surface by which the place to look from is chosen, at most.
+/// Maximum number of surface points for choosing the viewpoint.
 const SAMPLES: usize = 4000;
-/// The share of them that is nearest to the trajectories and has to be seen: far walls may reach out of the picture, or all that happens
-/// before them would be small.
+/// Share of them, nearest to the trajectories, that must be visible: with all far walls visible, everything else would be small.
 const NEAREST: f64 = 0.6;
 
 /// A trajectory.
 #[derive(Clone, Debug)]
 pub struct Track {
-    /// What it is called in the legend.
+    /// Name in the legend.
     pub name: String,
-    /// What the legend says of it, its error; empty where that is not known.
+    /// Its error, for the legend; may be empty.
     pub note: String,
     /// Its colour.
     pub colour: Colour,
-    /// The true one: drawn wide, below the others.
+    /// Whether it is the ground truth, which is drawn wide below the others.
     pub is_truth: bool,
-    /// Stamp, s, and place, m, in the order of time, in the frame of reference of the surface.
+    /// Stamps, s, and positions, m, by time, in the surface's frame of reference.
     pub points: Vec<(f64, Vec3)>,
 }
 
-/// What the right half shows.
+/// Contents of the right half.
 #[derive(Clone, Copy, Debug)]
 pub struct Plot<'a> {
     /// The surface.
     pub surface: Surface<'a>,
-    /// Trajectories; the last one is drawn above the others and is that of the camera.
+    /// Trajectories; the last one is drawn on top, and is the camera's.
     pub tracks: &'a [Track],
-    /// Away from the floor.
+    /// Up direction.
     pub up: Vec3,
-    /// Where the camera looked on average.
+    /// Average viewing direction of the camera.
     pub heading: Vec3,
-    /// Half width and half height of the camera's image at a distance of 1.
+    /// Half width and half height of the camera's image at distance 1.
     pub opening: [f64; 2],
-    /// What the error of a trajectory is called; empty where none is known.
+    /// Name of the trajectory error; may be empty.
     pub measure: &'a str,
-    /// Times that it is shown faster than it was recorded.
+    /// Playback speed relative to the recording.
     pub speed: f64,
 }
 
-/// One moment.
+/// State at one time.
 #[derive(Clone, Copy, Debug)]
 pub struct Stand<'a> {
-    /// Its number, from 0 on.
+    /// Image number, from 0.
     pub number: u32,
-    /// s.
+    /// Stamp, s.
     pub stamp: f64,
-    /// What is shown on the left.
+    /// Image of the left half.
     pub view: &'a Picture,
-    /// The final pose, where there is one.
+    /// The final pose, if any.
     pub pose: Option<&'a Se3>,
 }
 
-/// Draws pictures in the order of time.
+/// Draws images in time order.
 pub struct Film<'a> {
     plot: Plot<'a>,
     viewpoint: Viewpoint,
@@ -91,7 +87,7 @@ impl<'a> Film<'a> {
     /// Width of the left half, px.
     pub const VIEW: usize = (WIDTH - GAP) / 2;
 
-    /// Begins with halves of the height of the left one, px.
+    /// For halves of this height, px.
     #[must_use]
     pub fn new(plot: &Plot<'a>, height: usize) -> Self {
         let size = (Self::VIEW, height);
@@ -114,11 +110,11 @@ impl<'a> Film<'a> {
         }
     }
 
-    /// The picture of a moment, which is not before the last one.
+    /// The image of a state, which must not precede the last one.
     #[must_use]
     pub fn picture(&mut self, stand: &Stand<'_>) -> Picture {
         let mut right = self.solid.picture(&self.plot.surface, stand.number);
-        // All edges first: a trajectory on the true one has that at both of its sides.
+        // All edges first: otherwise they would cover a trajectory below.
         for edge in [true, false] {
             for track in self.plot.tracks {
                 self.draw_track(&mut right, track, stand.stamp, edge);
@@ -140,7 +136,7 @@ impl<'a> Film<'a> {
         picture
     }
 
-    /// A trajectory as far as it is known then: its dark edge, or itself.
+    /// Draws a trajectory up to a time: its dark edge, or the line itself.
     fn draw_track(&self, picture: &mut Picture, track: &Track, until: f64, edge: bool) {
         let seen = track.points.partition_point(|(stamp, _)| *stamp <= until);
         let points = &track.points[..seen];
@@ -165,7 +161,6 @@ impl<'a> Film<'a> {
         }
     }
 
-    /// The camera as a pyramid.
     fn draw_camera(&self, picture: &mut Picture, pose: &Se3, colour: Colour) {
         let tip = &pose.translation;
         let Some((x, y, z)) = self.viewpoint.project(tip) else {

@@ -1,4 +1,4 @@
-//! The lines under both halves of a picture.
+//! The lines under both halves of an image.
 
 use super::compose::{Film, GAP, Plot, TEXT};
 use crate::draw::draw_mark;
@@ -6,7 +6,6 @@ use crate::overlay::Mark;
 use crate::text::Text;
 use crate::{Colour, Picture, shapes};
 
-/// A word of the legend and what stands before it.
 #[derive(Clone)]
 pub(super) struct Entry {
     sign: Sign,
@@ -21,7 +20,7 @@ enum Sign {
     Nothing,
 }
 
-/// The lines under both halves: on the left what the marks mean, on the right the trajectories, as many to a line as fit.
+/// The legend lines: on the left the marks, on the right the trajectories, as many per line as fit.
 pub(super) fn legend(plot: &Plot<'_>) -> Vec<Vec<Entry>> {
     let text = Text::of(TEXT);
     let entry = |sign, words: &str| Entry {
@@ -62,7 +61,7 @@ pub(super) fn legend(plot: &Plot<'_>) -> Vec<Vec<Entry>> {
             line.push(next);
         }
     }
-    // The left half's share is in front of the first line.
+    // The left half's entries begin the first line.
     let first = &mut lines[0];
     left.push(entry(Sign::Nothing, ""));
     left.append(first);
@@ -74,7 +73,7 @@ pub(super) fn legend(plot: &Plot<'_>) -> Vec<Vec<Entry>> {
 }
 
 impl Entry {
-    /// Room for the sign, px.
+    /// Width of the sign, px.
     fn room(&self, text: Text) -> usize {
         match self.sign {
             Sign::Mark(_) | Sign::Region => text.space(1.15),
@@ -83,18 +82,15 @@ impl Entry {
         }
     }
 
-    /// Width with its words and the space behind them, px.
     fn width(&self, text: Text) -> usize {
         self.room(text) + text.width(&self.words) + text.space(0.8)
     }
 
-    /// Whether the right half begins here.
     pub(super) fn is_break(&self) -> bool {
         self.words.is_empty()
     }
 }
 
-/// Draws one of them.
 pub(super) fn draw_line(picture: &mut Picture, y: usize, text: Text, entries: &[Entry]) {
     let mut x = text.space(0.5);
     for entry in entries {

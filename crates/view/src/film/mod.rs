@@ -1,7 +1,6 @@
-//! A run as a moving picture: on the left the view with what moves in it, on the right the surface that grows, with trajectories.
+//! Animation of a run: on the left the camera image with moving regions, on the right the growing surface with trajectories.
 //!
-//! Answers: how a run looks, picture by picture. Takes what is known at its end (surface, final poses), so that nothing jumps while it
-//! grows: each part of the surface appears with the first picture that saw it.
+//! Uses the final surface and poses, so that nothing jumps: each part of the surface appears with the first image that saw it.
 
 mod camera;
 mod compose;

@@ -1,21 +1,21 @@
-//! Pictures one after the other as a file.
+//! Encodes a sequence of images as an animation.
 
 use crate::{Animation, AnimationOptions, Picture, ViewError};
 use webp::{AnimEncoder, AnimFrame, WebPConfig};
 
-/// How long the last picture stays before the first is shown again, s.
+/// Duration of the last image before the animation repeats, s.
 const REST: f64 = 2.0;
 
-/// How pictures become a file.
+/// Settings of an animation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MovieOptions {
-    /// Pictures shown per second.
+    /// Images per second.
     pub rate: f64,
-    /// Quality of WebP, 1 to 100.
+    /// WebP quality, 1 to 100.
     pub quality: f32,
 }
 
-/// Writes pictures as an animated WebP that repeats forever.
+/// Encodes images as an endless animated WebP.
 ///
 /// # Errors
 /// [`ViewError::NoFrames`], [`ViewError::Size`], [`ViewError::Webp`].
@@ -40,7 +40,7 @@ pub fn write_webp(pictures: &[Picture], options: &MovieOptions) -> Result<Vec<u8
             ms(i as f64),
         ));
     }
-    // The last one once more: it is only shown longer.
+    // Repeating the last image extends its duration.
     if let Some(last) = pictures.last() {
         let end = ms((pictures.len() - 1) as f64 + REST * options.rate);
         encoder.add_frame(AnimFrame::from_rgb(last.data(), width, height, end));
@@ -50,7 +50,7 @@ pub fn write_webp(pictures: &[Picture], options: &MovieOptions) -> Result<Vec<u8
     Ok(bytes.to_vec())
 }
 
-/// Writes pictures as a GIF that repeats forever.
+/// Encodes images as an endless GIF.
 ///
 /// # Errors
 /// [`ViewError::NoFrames`], [`ViewError::Size`], [`ViewError::Animate`].

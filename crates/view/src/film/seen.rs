@@ -1,28 +1,28 @@
-//! Since when each part of the surface is there.
+//! Determines when each part of the surface was first seen.
 
 use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::DepthImage;
 
-/// A surface is seen where the depth differs from its own by less than this, m: two voxels.
+/// Maximum depth difference of a visible surface point, m: two voxels.
 const NEAR: f64 = 0.04;
-/// What is added to it, as a share of the depth: noise grows with depth.
+/// Additional difference as a share of the depth, for depth noise.
 const NEAR_SHARE: f64 = 0.02;
-/// Rounds in which a point that no look saw takes over what its neighbours have: it lies between pixels, or at an edge.
+/// Number of rounds in which unseen points take the value of their neighbours: they lie between pixels, or at an edge.
 const ROUNDS: usize = 3;
 const NEVER: u32 = u32::MAX;
 
-/// A picture that saw a part of the surface.
+/// A view of the surface.
 #[derive(Clone, Debug)]
 pub struct Look {
-    /// Its number in the order of time, from 0 on.
+    /// Image number in time order, from 0.
     pub number: u32,
     /// The final pose.
     pub world_from_camera: Se3,
-    /// Depth, m, of any size: the camera's image is scaled to it.
+    /// Depth, m, at any resolution.
     pub depth: DepthImage,
 }
 
-/// For each point of a surface the first look that saw it; the last look for those that none saw.
+/// The first view that saw each point; the last view for unseen points.
 #[must_use]
 pub fn first_seen(
     camera: &Camera,

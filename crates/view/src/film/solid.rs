@@ -1,41 +1,39 @@
-//! The surface in the picture: triangles with a depth buffer, drawn once each, when they appear.
+//! Renders the surface incrementally with a depth buffer: each triangle is drawn once, when it appears.
 
 use super::camera::Viewpoint;
 use crate::{Colour, Picture};
 use stillpoint_geometry::Vec3;
 
-/// Pixels of the buffer along a pixel of the picture: edges get smooth.
+/// Supersampling factor along each side, for smooth edges.
 const FINE: usize = 2;
-/// Light that falls everywhere, and light along the view.
+/// Ambient light, and light along the viewing direction.
 const AMBIENT: f64 = 0.45;
 const LIGHT: f64 = 0.65;
 
-/// A surface as triangles, and since when each corner is there.
+/// A surface as triangles, with the time at which each vertex appears.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface<'a> {
     /// m, world.
     pub positions: &'a [[f32; 3]],
-    /// Unit vectors out of the surface, one for each position.
+    /// Unit normals, one per position.
     pub normals: &'a [[f32; 3]],
-    /// Red, green, blue, one for each position.
+    /// Red, green, blue, one per position.
     pub colours: &'a [[u8; 3]],
-    /// Corners of each triangle, counter-clockwise as seen from outside.
+    /// Vertices of each triangle, counter-clockwise as seen from outside.
     pub triangles: &'a [[u32; 3]],
-    /// The number of the picture in which each position appears.
+    /// Number of the image in which each position appears.
     pub since: &'a [u32],
 }
 
-/// What is drawn of it so far.
 pub(super) struct Solid {
     view: Viewpoint,
     fine: Picture,
-    /// Distance along the view, m.
     depth: Vec<f32>,
-    /// Triangles by the picture in which they appear, the next one last.
+    /// Triangles by the image in which they appear, the next one last.
     waiting: Vec<(u32, [u32; 3])>,
 }
 
-/// A corner: column, row, distance, colour.
+/// A projected vertex: column, row, depth, and colour.
 type Corner = ([f64; 3], [f64; 3]);
 
 impl Solid {
@@ -61,7 +59,7 @@ impl Solid {
         }
     }
 
-    /// The picture with everything that is there in the `number`-th.
+    /// The image with everything that is visible in image `number`.
     pub(super) fn picture(&mut self, surface: &Surface<'_>, number: u32) -> Picture {
         while let Some((_, triangle)) = self.waiting.pop_if(|(since, _)| *since <= number) {
             self.draw(surface, &triangle);
@@ -74,7 +72,7 @@ impl Solid {
         let [Some((a, pa)), Some((b, pb)), Some((c, pc))] = corners else {
             return;
         };
-        // What is seen from behind is a wall between the eye and the room.
+        // Back faces are walls between the viewpoint and the room.
         if (pb - pa).cross(&(pc - pa)).dot(&(self.view.eye - pa)) <= 0.0 {
             return;
         }
@@ -175,7 +173,7 @@ mod tests {
         let (first, later) = (drawn(&up, 1), drawn(&up, 2));
         assert!(later.2 > 90 && later.0 == 0, "{later:?}");
         assert!(first.2 == 0, "{first:?}");
-        // One does not see through from behind.
+        // Back faces are not drawn.
         assert_eq!(drawn(&down, 2), Colour::BLACK);
         let count = |number| {
             let surface = Surface {

@@ -1,19 +1,19 @@
-//! The view: the image with what moves tinted, and its features.
+//! The camera image with tinted moving regions, and its features.
 
 use crate::{Colour, Picture, shapes};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_slam::FrameReport;
 
-/// How much of the colour is mixed into what moves.
+/// Opacity of the tint of moving regions.
 const TINT: f32 = 0.5;
-/// How much is mixed in along its outline.
+/// Opacity of their outline.
 const OUTLINE: f32 = 0.9;
-/// Radius of a feature, px: what a mark of an image of 640 px has when that is shown in 448.
+/// Radius of a feature, px: that of an image of 640 px scaled to 448.
 const RADIUS: f32 = 1.3;
-/// How far the dark edge reaches that makes it stand out, px.
+/// Width of the dark edge around it, px.
 const EDGE: f32 = 0.7;
 
-/// A frame in a width, px, with what moves tinted by the report's mask; features that were used green, those that were rejected red.
+/// A frame scaled to a width, px, with moving regions tinted by the report's mask; used features are green, rejected ones red.
 #[must_use]
 pub fn view(frame: &RgbdFrame, report: &FrameReport, width: usize) -> Picture {
     let mut whole = Picture::from_frame(frame);

@@ -1,4 +1,4 @@
-//! The frames of a run that goes on, each with a pose that follows the map.
+//! The frames of a running system, with poses that follow the map.
 
 use super::ledger::Ledger;
 use crate::report::{Column, FrameColumns};
@@ -9,14 +9,13 @@ use stillpoint_geometry::Se3;
 use stillpoint_map::{KeyframeId, MapView, SubmapId};
 use stillpoint_slam::{AnchoredPose, FrameReport, FrameState, Health};
 
-/// Frames that are shown, at most: ten minutes at 30 Hz. Of longer runs every second one is shown, again and again.
+/// Maximum number of shown frames: ten minutes at 30 Hz. In longer runs every second one is dropped, repeatedly.
 const MOST_FRAMES: usize = 18_000;
-/// Versions of the map that are remembered, because tracking may still use an older one than the newest.
+/// Number of remembered map versions, as tracking may use an older one than the newest.
 const VERSIONS: usize = 8;
-/// A pose that moved by less is not told again, m and rad: less than a pixel of the picture.
+/// Pose changes below this are not sent, m and rad: less than a pixel of the image.
 const STILL: f64 = 1e-3;
 
-/// A frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row {
     seconds: f32,
@@ -27,26 +26,25 @@ pub(super) struct Row {
     quality: f32,
     time_ms: f32,
     anchored: Option<Anchored>,
-    /// The pose as it is told: in the submap that is shown.
+    /// The pose as sent: in the shown submap.
     pose: Option<Se3>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Anchored {
     pose: AnchoredPose,
-    /// The submap that it was in when it was measured.
+    /// The submap when it was measured.
     submap: SubmapId,
 }
 
-/// What is remembered of a version of the map: what frames that used it hang on. A few numbers, since an older map would keep all that was
-/// changed in it since.
+/// Summary of a map version, for anchoring frames that used it. It is small, whereas a whole old map would keep all data changed since.
 #[derive(Clone, Copy, Debug)]
 struct Version {
     number: u64,
     newest: Option<Newest>,
 }
 
-/// The newest keyframe of a version, as it was then.
+/// The newest keyframe of a version, at its pose then.
 #[derive(Clone, Copy, Debug)]
 struct Newest {
     keyframe: KeyframeId,
@@ -67,7 +65,6 @@ impl Version {
     }
 }
 
-/// All frames.
 #[derive(Clone, Debug)]
 pub(super) struct Frames {
     rows: Ledger<Row>,
@@ -75,15 +72,12 @@ pub(super) struct Frames {
     /// One frame in `2^halved` is shown.
     halved: u32,
     most: usize,
-    /// Frames that went by.
     count: usize,
     posed: usize,
     versions: VecDeque<Version>,
-    /// The newest version.
     view: Option<Arc<MapView>>,
-    /// Keyframe ids that the map had before the run.
+    /// Number of keyframe ids before the run.
     first_id: u32,
-    /// The submap that is shown.
     submap: Option<SubmapId>,
 }
 
@@ -122,14 +116,13 @@ impl Frames {
         self.submap
     }
 
-    /// Begins with a map.
     pub(super) fn begin(&mut self, view: Arc<MapView>) {
         self.first_id = view.keyframe_bound() as u32;
         self.versions.push_back(Version::of(&view, None));
         self.view = Some(view);
     }
 
-    /// Takes a new version of the map; `newest` is the keyframe that it brings.
+    /// Sets a new map version; `newest` is its new keyframe.
     pub(super) fn set_view(&mut self, view: &Arc<MapView>, newest: Option<KeyframeId>) {
         let before = || Some(self.versions.back()?.newest?.keyframe);
         let version = Version::of(view, newest.or_else(before));
@@ -140,7 +133,7 @@ impl Frames {
         }
     }
 
-    /// Takes a frame. `time_ms`: what it took.
+    /// Adds a frame with its processing time.
     pub(super) fn take(
         &mut self,
         version: u64,
@@ -181,7 +174,7 @@ impl Frames {
         }
     }
 
-    /// Hangs a pose on the keyframe that was the newest in the map that tracking used.
+    /// Anchors a pose to the newest keyframe of the map that tracking used.
     fn anchor(&self, report: &FrameReport) -> Option<Anchored> {
         let online_world_from_camera = report.world_from_camera?;
         let submap = report.submap?;
@@ -193,7 +186,7 @@ impl Frames {
             Some((newest.keyframe, newest.world_from_keyframe?))
         });
         let own = KeyframeId(report.frame.0.saturating_add(self.first_id));
-        // Without a keyframe to hang on, the pose stays as it was measured.
+        // Without a keyframe the pose stays as measured.
         let (reference, world_from_reference) = reference.unwrap_or((own, Se3::identity()));
         Some(Anchored {
             pose: AnchoredPose {
@@ -206,14 +199,13 @@ impl Frames {
         })
     }
 
-    /// The submap that a pose is in by what is known now.
     fn submap_now(&self, anchored: &Anchored) -> Option<SubmapId> {
         let view = self.view.as_ref();
         let joined = view.and_then(|v| v.submap_of(anchored.pose.reference));
         joined.or(Some(anchored.submap))
     }
 
-    /// The pose by what is known now, if it is in the submap that is shown.
+    /// The current pose, if it is in the shown submap.
     fn resolve(&self, anchored: &Anchored) -> Option<Se3> {
         if self.submap_now(anchored) != self.submap {
             return None;
@@ -228,7 +220,7 @@ impl Frames {
         )
     }
 
-    /// Brings all poses to the newest version of the map.
+    /// Updates all poses to the newest map version.
     pub(super) fn follow(&mut self, version: u64) {
         let mut rows = std::mem::take(&mut self.rows);
         rows.revise(version, |_, row| {
@@ -249,7 +241,6 @@ impl Frames {
         self.rows = rows;
     }
 
-    /// What changed since a version.
     pub(super) fn since(&self, version: u64) -> FrameUpdate {
         let changes = self.rows.since(version);
         let mut columns = FrameColumns {
@@ -267,21 +258,20 @@ impl Frames {
     }
 }
 
-/// Whether two poses are told apart.
 fn apart(a: &Se3, b: &Se3) -> bool {
     let turned = (a.rotation.coords - b.rotation.coords).norm();
     (a.translation - b.translation).norm() > STILL || turned > STILL / 2.0
 }
 
-/// Frames that are new, or whose pose moved.
+/// New frames, and frames with changed poses.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrameUpdate {
-    /// All frames that were told before are void.
+    /// Whether previously sent frames must be discarded.
     pub whole: bool,
-    /// Numbers of frames that are shown no more.
+    /// Frames that are no longer shown.
     pub removed: Column<u32>,
-    /// Their columns: those that a frame has while a run goes on, with its latency as [`FrameColumns::time_ms`] and the pose as it is known now.
+    /// The columns available during a run: latency as [`FrameColumns::time_ms`], and the current pose.
     #[serde(flatten)]
     pub columns: FrameColumns,
 }

@@ -1,21 +1,19 @@
-//! Numbered values that record when they changed, so that a reader who knows one version can be told what is new since.
+//! Numbered values with the version of their last change, so that readers can request the changes since any version.
 //!
-//! Every reader asks at a pace of its own: a slow one is told less often, of the newest values alone, and nothing is kept for it.
+//! Each reader requests at its own pace: a slow one gets fewer updates with the newest values, and no per-reader state is kept.
 
 use std::collections::{BTreeMap, VecDeque};
 
-/// Removals that are remembered. Who asks from before the oldest of them is told everything.
+/// Number of remembered removals. Readers older than the oldest of them get everything.
 const REMEMBERED: usize = 50_000;
 
-/// Values of one kind by number.
 #[derive(Clone, Debug)]
 pub(super) struct Ledger<V> {
     entries: BTreeMap<u32, Entry<V>>,
-    /// Versions and numbers of what was removed, in order.
+    /// Versions and numbers of removed values, in order.
     removed: VecDeque<(u64, u32)>,
-    /// The version of the newest change.
     changed: u64,
-    /// The version of the newest removal that is not remembered.
+    /// The version of the newest forgotten removal.
     forgotten: u64,
     remembered: usize,
 }
@@ -26,14 +24,12 @@ struct Entry<V> {
     version: u64,
 }
 
-/// What changed since a version.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Changes<'a, V> {
-    /// What was known before is void: all that there is follows.
+    /// Whether all earlier values must be discarded.
     pub(super) whole: bool,
-    /// What is there no more; to be taken out before the others are put in.
+    /// Removed values; to be applied first.
     pub(super) removed: Vec<u32>,
-    /// What is new or other than before, by number.
     pub(super) set: Vec<(u32, &'a V)>,
 }
 
@@ -58,19 +54,19 @@ impl<V> Ledger<V> {
         self.entries.get(&number).map(|e| &e.value)
     }
 
-    /// The values by number, in order.
+    /// The values in the order of their numbers.
     #[cfg(test)]
     pub(super) fn iter(&self) -> impl DoubleEndedIterator<Item = (u32, &V)> {
         self.entries.iter().map(|(number, e)| (*number, &e.value))
     }
 
-    /// Puts a value in. Versions never fall.
+    /// Sets a value. Versions must not decrease.
     pub(super) fn set(&mut self, version: u64, number: u32, value: V) {
         self.changed = version;
         self.entries.insert(number, Entry { value, version });
     }
 
-    /// Changes the values for which `change` says that it did.
+    /// Modifies values in place; `change` returns whether it did.
     pub(super) fn revise(&mut self, version: u64, mut change: impl FnMut(u32, &mut V) -> bool) {
         for (number, entry) in &mut self.entries {
             if change(*number, &mut entry.value) {
@@ -80,7 +76,7 @@ impl<V> Ledger<V> {
         }
     }
 
-    /// Keeps what `keep` says.
+    /// Removes values that `keep` rejects.
     pub(super) fn retain(&mut self, version: u64, mut keep: impl FnMut(u32, &V) -> bool) {
         let removed = &mut self.removed;
         let before = removed.len();
@@ -101,7 +97,7 @@ impl<V> Ledger<V> {
         }
     }
 
-    /// What changed after a version; with 0 all that there is.
+    /// The changes after a version; everything for version 0.
     pub(super) fn since(&self, version: u64) -> Changes<'_, V> {
         let whole = version < self.forgotten || version == 0;
         if version >= self.changed && !whole {
@@ -136,7 +132,6 @@ mod tests {
         Set(u32, u8),
         Revise(u8),
         Keep(u32),
-        /// One of the readers asks.
         Read(usize),
     }
 
@@ -175,7 +170,7 @@ mod tests {
                         read(&ledger, &mut readers[reader], now);
                         let all: BTreeMap<u32, u8> = ledger.iter().map(|(n, v)| (n, *v)).collect();
                         prop_assert_eq!(&readers[reader].1, &all);
-                        // Who asks again at once is told nothing.
+                        // An immediate second request gets no changes.
                         if now > 0 {
                             let again = ledger.since(now);
                             prop_assert!(!again.whole && again.set.is_empty() && again.removed.is_empty());

@@ -1,10 +1,9 @@
-//! The page of a run that goes on: what a browser is told of it, and the page that shows it.
+//! The live page of a run, and its updates.
 //!
-//! Answers: what is new since a version. [`LivePage`] listens to a run and holds its current state. A program that shows it requests
-//! the [`Update`] since the version that it knows, at its own pace, and [`to_html`] makes the page that shows updates. So a slow reader is told
-//! less often and of the newest alone, and nothing is kept for anybody; how much is held does not grow with the length of a run. Opens
-//! no sockets, reads no clock, and has no threads: who serves the page says when a picture is wanted, and when the map is to be looked
-//! through.
+//! [`LivePage`] subscribes to a run and holds its current state. A server requests the [`Update`] since a client's version, at the client's
+//! pace, and [`to_html`] makes the page that shows updates. So slow clients get fewer updates, no per-client state is kept, and memory does
+//! not grow with the length of the run. It opens no sockets, reads no clock, and has no threads: the server decides when an image is
+//! wanted, and when the map is updated.
 
 mod frames;
 mod ledger;
@@ -30,34 +29,31 @@ use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{KeyframeId, MapView};
 use stillpoint_slam::{Event, FrameReport, Health, Outcome, Subscriber};
 
-/// What happened that is told, at most; the oldest give way.
+/// Maximum number of shown events; the oldest are dropped.
 const MOST_MARKS: usize = 500;
-/// Bytes of the picture on average: fifteen a second take 1.3 Mbit/s as text.
+/// Average size of an image, bytes: fifteen per second take 1.3 Mbit/s as text.
 const PICTURE_BYTES: usize = 8_000;
 
-/// The page of a run that goes on: the run's name is its title. It asks for `events` beside itself, as server-sent events: `update` with an
-/// [`Update`] each, and at the end `report` with a [`RunData`](crate::report::RunData), or `end` with a line of text.
+/// The live page, titled with the run's name. It requests the relative URL `events` as server-sent events: `update` with an [`Update`]
+/// each, and at the end `report` with a [`RunData`](crate::report::RunData), or `end` with a line of text.
 #[must_use]
 pub fn to_html(name: &str) -> String {
     page(name, "null", true)
 }
 
-/// Holds what is shown of a run.
+/// The state of the live page.
 pub struct LivePage {
-    /// Counts what changed anything.
     version: u64,
     about: About,
     frames: Frames,
     scene: MapScene,
     marks: Ledger<Mark>,
     next_mark: u32,
-    /// The newest picture, and the version at which it came.
     picture: Option<(u64, PictureUpdate)>,
-    /// The newest surface, and the version at which it came.
     surface: Option<(u64, SurfaceColumns)>,
     now: Now,
     view: Option<Arc<MapView>>,
-    /// Whether there is a map that was not looked through yet.
+    /// Whether there is a map that was not processed yet.
     behind: bool,
     first_id: u32,
     thumbnails: Thumbnails,
@@ -84,7 +80,7 @@ impl LivePage {
         }
     }
 
-    /// Begins with a map that was there before the first frame.
+    /// Sets the map that exists before the first frame.
     pub fn begin_with(&mut self, view: Arc<MapView>) {
         self.first_id = view.keyframe_bound() as u32;
         self.frames.begin(Arc::clone(&view));
@@ -94,8 +90,8 @@ impl LivePage {
         self.version += 1;
     }
 
-    /// Takes an event. A frame's picture is made only where it is wanted, and the frame has its image. Of the map the newest version is kept;
-    /// [`LivePage::follow_map`] looks it through.
+    /// Processes an event. A frame's image is only made if requested, and if the event holds it. The newest map version is kept for
+    /// [`LivePage::follow_map`].
     pub fn take(&mut self, event: &Event, wants_picture: bool) {
         self.version += 1;
         if let Some(view) = event.view() {
@@ -123,24 +119,24 @@ impl LivePage {
         }
     }
 
-    /// Takes the measurements of the run's driver.
+    /// Sets the measurements of the run's driver.
     pub fn measure(&mut self, measured: Measured) {
         self.now.measured = measured;
     }
 
-    /// Takes the surface of what stands still, as it is now.
+    /// Sets the current surface of the static scene.
     pub fn set_surface(&mut self, surface: SurfaceColumns) {
         self.version += 1;
         self.surface = Some((self.version, surface));
     }
 
-    /// Whether there is a map that [`LivePage::follow_map`] has not looked through.
+    /// Whether [`LivePage::follow_map`] has a map to process.
     #[must_use]
     pub fn is_behind(&self) -> bool {
         self.behind
     }
 
-    /// Looks through the newest map. `exactly`: also at what moved by less than is seen. It takes some milliseconds for 50 000 landmarks.
+    /// Processes the newest map. `exactly`: includes changes too small to see. Takes some milliseconds for 50 000 landmarks.
     pub fn follow_map(&mut self, exactly: bool) {
         let Some(view) = &self.view else { return };
         self.version += 1;
@@ -150,8 +146,7 @@ impl LivePage {
         self.frames.follow(self.version);
     }
 
-    /// The changes after a version; after 0, everything. A caller that passes a version must have received all updates up
-    /// to it.
+    /// The changes after a version; after 0, everything. The client must have received all updates up to that version.
     #[must_use]
     pub fn since(&self, version: u64) -> Update {
         let picture = self.picture.as_ref().filter(|(at, _)| *at > version);
@@ -232,7 +227,7 @@ impl LivePage {
     }
 }
 
-/// For programs that show a run without a clock: it takes every picture and every map.
+/// For programs without a clock: uses every image and every map.
 impl Subscriber for LivePage {
     fn receive(&mut self, event: &Event) {
         self.take(event, true);

@@ -1,15 +1,15 @@
-//! The map of a run that goes on, as far as it is shown.
+//! The shown part of the map.
 
 use super::ledger::Ledger;
 use crate::report::{Column, numbers, triple};
 use serde::{Deserialize, Serialize};
 use stillpoint_map::{KeyframeId, LandmarkId, MapView, SubmapId};
 
-/// Landmarks that are shown, at most; 20 bytes each. Of more, those are shown whose number is a multiple of a power of two.
+/// Maximum number of shown landmarks, of 20 bytes each. Beyond it, those with ids divisible by a power of two are shown.
 const MOST_LANDMARKS: usize = 60_000;
-/// What moved by less is not told again, m: less than a pixel of the picture.
+/// Position changes below this are not sent, m: less than a pixel of the image.
 const STILL: f32 = 2e-3;
-/// By how much the probability that a landmark stands still changes until that is told, in 255ths.
+/// Change of a landmark's probability of being static that is sent, in 255ths.
 const ALIKE: u8 = 12;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,15 +19,12 @@ struct Landmark {
     stands_still: u8,
 }
 
-/// What is shown of the map.
 #[derive(Clone, Debug)]
 pub(super) struct MapScene {
     landmarks: Ledger<Landmark>,
     keyframes: Ledger<[f32; 7]>,
     loops: Vec<u32>,
-    /// The version at which loops changed.
     loops_changed: u64,
-    /// Landmarks of the map.
     count: usize,
     most: usize,
 }
@@ -51,7 +48,7 @@ impl MapScene {
         self.most = most;
     }
 
-    /// Takes what a version of the map says of a submap. `exactly`: also what moved by less than is seen.
+    /// Updates from a submap in a map version. `exactly`: includes changes too small to see.
     pub(super) fn follow(
         &mut self,
         version: u64,
@@ -72,7 +69,7 @@ impl MapScene {
                 .count()
         };
         self.count = count(1);
-        // Numbers that are multiples of it are spread over the whole map, and stay the same until there are twice as many.
+        // Ids divisible by it are spread over the whole map, and the selection stays until the map has doubled.
         let mut one_in = 1_u32;
         while count(one_in) > self.most {
             one_in *= 2;
@@ -112,7 +109,7 @@ impl MapScene {
         }
     }
 
-    /// Loops whose keyframes are there, or what carries their tombstones.
+    /// Loops whose keyframes exist, or whose anchors do.
     fn follow_loops(&mut self, version: u64, part: &Part<'_>) {
         let ends = part.view.loops().filter_map(|edge| {
             let [a, b] = [edge.old, edge.new].map(|id| part.view.resolve_keyframe(id));
@@ -126,7 +123,6 @@ impl MapScene {
         }
     }
 
-    /// What changed since a version.
     pub(super) fn since(&self, version: u64) -> MapUpdate {
         let (landmarks, keyframes) = (self.landmarks.since(version), self.keyframes.since(version));
         let mut update = MapUpdate {
@@ -156,7 +152,7 @@ impl MapScene {
     }
 }
 
-/// What is shown of a version of the map: a submap, or all of it where none is known yet.
+/// The shown part of a map version: a submap, or everything while no submap is known.
 struct Part<'a> {
     view: &'a MapView,
     submap: Option<SubmapId>,
@@ -172,52 +168,50 @@ impl Part<'_> {
     }
 }
 
-/// Whether one sees a difference between positions or poses.
 fn far(a: &[f32], b: &[f32]) -> bool {
     a.iter().zip(b).any(|(a, b)| (a - b).abs() > STILL)
 }
 
 impl Landmark {
-    /// Whether one sees a difference.
     fn differs(&self, other: &Self) -> bool {
         far(&self.position, &other.position)
             || self.stands_still.abs_diff(other.stands_still) >= ALIKE
     }
 }
 
-/// Landmarks and keyframes that are new or other than before.
+/// New or changed landmarks and keyframes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MapUpdate {
-    /// All landmarks that were told before are void.
+    /// Whether previously sent landmarks must be discarded.
     pub whole: bool,
-    /// Landmarks of the map: those that are shown may be fewer.
+    /// Number of landmarks in the map, possibly more than shown.
     pub count: u32,
-    /// Numbers of landmarks that are there no more; to be taken out first.
+    /// Removed landmarks; to be applied first.
     pub removed: Column<u32>,
-    /// Numbers of landmarks.
+    /// Landmark ids.
     pub id: Column<u32>,
     /// Positions: three numbers each, m.
     pub position: Column<f32>,
-    /// Number of the frame that each was made at.
+    /// Frame in which each was created.
     pub frame: Column<u32>,
-    /// Probability that it stands still, in 255ths.
+    /// Probability of being static, in 255ths.
     pub stands_still: Column<u8>,
     /// Keyframes.
     pub keyframes: KeyframeUpdate,
-    /// All pairs of keyframes that loops tie together, where they changed.
+    /// All pairs of keyframes connected by loops, if changed.
     pub loops: Option<Column<u32>>,
 }
 
-/// Keyframes that are new or other than before.
+/// New or changed keyframes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeyframeUpdate {
-    /// All keyframes that were told before are void.
+    /// Whether previously sent keyframes must be discarded.
     pub whole: bool,
-    /// Numbers of keyframes that are there no more; to be taken out first.
+    /// Removed keyframes; to be applied first.
     pub removed: Column<u32>,
-    /// Numbers of keyframes.
+    /// Keyframe ids.
     pub id: Column<u32>,
     /// Poses: seven numbers each, position and quaternion (x, y, z, w).
     pub pose: Column<f32>,

@@ -1,4 +1,4 @@
-//! A simulated walk past people, told to readers who ask when they like.
+//! A simulated run with people, sent to readers that request at arbitrary times.
 
 use super::*;
 use crate::report::SurfaceColumns;
@@ -45,12 +45,11 @@ fn walk() -> &'static Walk {
     })
 }
 
-/// What a browser knows.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Known {
     version: u64,
     name: String,
-    /// By number: what a frame's columns say, as bits, since what has no value is not a number.
+    /// By number: a frame's columns, as bits because missing values are NaN.
     frames: BTreeMap<u32, (u32, u8, u16, [u32; 7])>,
     landmarks: BTreeMap<u32, ([u32; 3], u32, u8)>,
     keyframes: BTreeMap<u32, [u32; 7]>,
@@ -64,7 +63,7 @@ fn bits<const N: usize>(all: &[f32], i: usize) -> [u32; N] {
 }
 
 impl Known {
-    /// As the page does it, from the text that it gets.
+    /// Applies the received text as the page does.
     fn take(&mut self, page: &LivePage) {
         let text = serde_json::to_string(&page.since(self.version)).unwrap();
         assert!(!text.contains('\n'), "an event is one line");
@@ -126,7 +125,7 @@ fn page() -> LivePage {
     })
 }
 
-/// Shows the events, with the map where `follows` says so, and asks where a reader does.
+/// Shows the events, updates the map where `follows` says so, and requests changes where `asks` does.
 fn told(page: &mut LivePage, follows: &[bool], asks: &[Vec<bool>]) -> Vec<Known> {
     let mut readers = vec![Known::default(); asks.len()];
     for (i, event) in walk().events.iter().enumerate() {
@@ -184,7 +183,7 @@ fn what_is_told_in_the_end_is_the_map_and_the_way() {
     for (id, (_, _, _, pose)) in &reader.frames {
         let p = pose.map(f32::from_bits);
         if let Some(truth) = walk().poses.get(id) {
-            // Poses hang on one keyframe here, and lie between two in the final trajectory.
+            // Here poses are anchored to one keyframe; the final trajectory interpolates between two.
             let t = truth.translation;
             let off = (0..3)
                 .map(|k| (f64::from(p[k]) - t[k]).powi(2))
@@ -281,7 +280,7 @@ fn of_the_map_the_newest_version_alone_is_held() {
             page.receive(event);
             continue;
         };
-        // Versions for themselves, so that who holds one is seen; more than are remembered.
+        // Separate copies, so that references to them can be detected; more than are remembered.
         for _ in 0..10 {
             let view = Arc::new(MapView::clone(view));
             given.push(Arc::downgrade(&view));

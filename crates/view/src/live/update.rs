@@ -1,4 +1,4 @@
-//! What a browser is told.
+//! Updates of the live page.
 
 use super::frames::FrameUpdate;
 use super::scene::MapUpdate;
@@ -6,59 +6,59 @@ use crate::report::{Column, Mark, ObjectColumns, SurfaceColumns};
 use serde::{Deserialize, Serialize};
 use stillpoint_slam::{FrameReport, FrameState, Health};
 
-/// What is new since a version of the page.
+/// The changes since a version.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Update {
-    /// The version that is known with it.
+    /// The version reached.
     pub version: u64,
-    /// The facts that do not change, only for readers who know nothing yet.
+    /// Constant facts, only for new clients.
     pub about: Option<About>,
     /// Frames.
     pub frames: FrameUpdate,
     /// The map.
     pub map: MapUpdate,
-    /// The surface of what stands still, where it is new.
+    /// The surface of the static scene, if changed.
     pub surface: Option<SurfaceColumns>,
-    /// What happened.
+    /// Events.
     pub marks: Vec<Mark>,
-    /// The newest picture, where it is new.
+    /// The newest image, if changed.
     pub picture: Option<PictureUpdate>,
-    /// How things stand.
+    /// The current state.
     pub now: Now,
 }
 
-/// What does not change while a run goes on.
+/// Constant facts about a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct About {
-    /// What the run is called: data set or camera.
+    /// Name of the run: data set or camera.
     pub name: String,
-    /// In what layout its input is, and which camera it has.
+    /// Input layout and camera.
     pub input: String,
-    /// The command that was typed.
+    /// The command line.
     pub command: String,
-    /// The configuration, as `config.toml` has it.
+    /// The configuration, as in `config.toml`.
     pub config: String,
-    /// What [`FrameColumns::time_ms`](crate::report::FrameColumns::time_ms) is.
+    /// Meaning of [`FrameColumns::time_ms`](crate::report::FrameColumns::time_ms).
     pub time_is: String,
-    /// Frames that there will be, where that is known.
+    /// Expected number of frames, if known.
     pub frames: Option<u64>,
 }
 
-/// The picture of a frame, and what was found in it.
+/// The image of a frame, with its features and objects.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PictureUpdate {
-    /// Number of the frame.
+    /// Frame number.
     pub frame: u32,
-    /// Width and height of the image, px, in which boxes are.
+    /// Size of the camera image, px, to which boxes refer.
     pub image: [u32; 2],
-    /// Width and height of the picture, px.
+    /// Size of the reduced image, px.
     pub size: [u32; 2],
-    /// The picture as WebP.
+    /// The image as WebP.
     pub webp: Column<u8>,
-    /// Column and row in 255ths of the image, and [`Said`](crate::report::Said), of one in four features that stand still, and all that move.
+    /// Column and row in 255ths of the image, and [`Said`](crate::report::Said), of one in four static features, and all moving ones.
     pub features: Column<u8>,
     /// Objects in this frame.
     pub objects: ObjectColumns,
@@ -68,64 +68,63 @@ pub struct PictureUpdate {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measured {
-    /// The frame that the times are of.
+    /// The frame of the latency.
     pub frame: Option<u32>,
     /// From its arrival to its pose, ms.
     pub latency_ms: Option<f64>,
-    /// How long ago its pose was there, s.
+    /// Time since the last pose, s.
     pub silent_s: Option<f64>,
-    /// Frames that were dropped.
+    /// Number of dropped frames.
     pub dropped: u64,
-    /// Threads that do not do what they should, in words.
+    /// Problems of threads.
     pub troubles: Vec<String>,
 }
 
-/// How things stand.
+/// The current state.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Now {
-    /// Frames that were tracked, whatever became of their poses.
+    /// Number of processed frames.
     pub frames: u64,
-    /// Of these, frames that got a pose.
+    /// Number of those with a pose.
     pub posed: u64,
     /// Keyframes of the map.
     pub keyframes: u32,
     /// Landmarks of the map.
     pub landmarks: u32,
-    /// Loops that were closed, and submaps that were joined.
+    /// Closed loops and joined submaps.
     pub loops: u32,
-    /// Candidates for loops that were set aside.
+    /// Rejected loop candidates.
     pub set_aside: u32,
-    /// Answers of the detector.
+    /// Number of detector answers.
     pub detections: u64,
-    /// What became of the newest frame: the word of [`FrameState`].
+    /// State of the newest frame: the word of [`FrameState`].
     pub state: String,
-    /// Whether that is lost.
+    /// Whether tracking is lost.
     pub lost: bool,
-    /// Whether it is undecided who moves.
+    /// Whether it is undecided which regions move.
     pub undecided: bool,
     /// Quality of its pose, 0 to 1.
     pub quality: f64,
-    /// Standard deviation of its position, mm, and of its direction, degrees.
+    /// Standard deviation of its position, mm.
     pub sigma_mm: Option<f64>,
-    /// Standard deviation of its direction, degrees.
+    /// Standard deviation of its orientation, degrees.
     pub sigma_deg: Option<f64>,
-    /// Share of the keypoints that stand still, 0 to 1.
+    /// Share of static keypoints, 0 to 1.
     pub static_share: f64,
-    /// How old the newest detections are, s.
+    /// Age of the newest detections, s.
     pub detections_age: Option<f64>,
-    /// How old the map is that tracking uses, s.
+    /// Age of the map that tracking uses, s.
     pub map_age: Option<f64>,
-    /// Why there is no pose, and what helps.
+    /// Why there is no pose, with advice.
     pub loss: Option<String>,
-    /// What of the newest frame stands still, and for how long.
+    /// Which images of the newest frame repeat earlier ones, and for how long.
     pub still: Option<String>,
-    /// What is measured.
+    /// Measurements.
     pub measured: Measured,
 }
 
 impl Now {
-    /// Takes what is known of a frame.
     pub(super) fn set_health(&mut self, report: &FrameReport, health: &Health) {
         let state = report.state();
         self.state = state.name().to_owned();

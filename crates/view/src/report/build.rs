@@ -1,4 +1,4 @@
-//! Puts together what a report shows when a run is over.
+//! Assembles the data of a report after a run.
 
 use super::columns::Column;
 use super::model::{Mark, MarkKind, ObjectColumns, Pictures, RunData, SurfaceColumns};
@@ -9,36 +9,36 @@ use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_map::{MapView, SubmapId};
 use stillpoint_slam::FrameState;
 
-/// Landmarks in a report, at most; 13 bytes each.
+/// Maximum number of landmarks in a report, of 13 bytes each.
 const MOST_LANDMARKS: usize = 60_000;
 
-/// A frame as the result has it.
+/// A frame in the result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameRow {
-    /// Number of the frame.
+    /// Frame number.
     pub id: u32,
-    /// Its stamp, s.
+    /// Stamp, s.
     pub stamp: f64,
-    /// What became of it.
+    /// Its state.
     pub state: FrameState,
-    /// Landmarks that agree with the pose.
+    /// Number of inliers of the pose.
     pub inliers: u32,
     /// Why it has no pose; empty otherwise.
     pub reason: String,
-    /// Its final pose, world from camera.
+    /// Final pose, world from camera.
     pub pose: Option<Se3>,
     /// Distance to the true position, m.
     pub error: Option<f64>,
     /// The true position in the world of the poses, m.
     pub truth: Option<Vec3>,
-    /// Time that it took, or latency, ms.
+    /// Processing time or latency, ms.
     pub time_ms: Option<f64>,
     /// Time until the detector's answer was used, ms.
     pub answer_ms: Option<f64>,
 }
 
 impl RunData {
-    /// Takes the frames, in order, and marks where poses are missing.
+    /// Sets the frames, in order, and marks losses.
     pub fn set_frames(&mut self, rows: &[FrameRow]) {
         let f = &mut self.frames;
         let first = rows.first().map_or(0.0, |r| r.stamp);
@@ -74,7 +74,7 @@ impl RunData {
         }
     }
 
-    /// Takes the landmarks and keyframes of a submap.
+    /// Sets the landmarks and keyframes of a submap.
     pub fn set_map(&mut self, view: &MapView, submap: Option<SubmapId>) {
         let of = |id| submap.is_none() || view.submap_of(id) == submap;
         let all = || view.landmarks().filter(|(_, l)| of(l.anchor));
@@ -106,7 +106,7 @@ impl RunData {
         }
     }
 
-    /// Takes what was gathered while the run went on. The frames must be there.
+    /// Adds the data collected during the run. The frames must have been set.
     pub fn set_recorded(&mut self, recorder: &ReportRecorder) {
         let ids = self.frames.id.0.iter().enumerate();
         let at: BTreeMap<u32, usize> = ids.map(|(i, id)| (*id, i)).collect();
@@ -142,7 +142,6 @@ impl RunData {
         self.objects = objects;
     }
 
-    /// The pose of the `i`-th frame.
     fn pose(&self, i: usize) -> Option<Se3> {
         let p = self.frames.pose.0.get(7 * i..7 * i + 7)?;
         let [x, y, z, qx, qy, qz, qw] = [0, 1, 2, 3, 4, 5, 6].map(|k| f64::from(p[k]));
@@ -154,8 +153,8 @@ impl RunData {
 }
 
 impl SurfaceColumns {
-    /// A surface: corners (m) with their colours, and triangles of them; `count` is how many triangles it has in full. Triangles of corners beyond
-    /// the 65 536th are left out.
+    /// A surface: vertices (m) with colours, and triangles; `count` is the number of triangles of the full surface. Triangles with vertices
+    /// beyond the 65 536th are left out.
     #[must_use]
     pub fn new(
         count: usize,

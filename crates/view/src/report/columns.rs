@@ -1,4 +1,4 @@
-//! Columns of numbers as text: little-endian bytes in base 64, which a browser turns into a typed array.
+//! Columns of numbers as text: little-endian bytes in base 64, which a browser converts to a typed array.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -17,18 +17,18 @@ impl<T> Default for Column<T> {
 }
 
 impl<T> Column<T> {
-    /// Whether it holds nothing.
+    /// Whether it is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 }
 
-/// What columns hold.
+/// Element type of a column.
 pub trait Number: Copy {
     /// Appends its bytes.
     fn put(self, bytes: &mut Vec<u8>);
-    /// Reads numbers; none when bytes are left over.
+    /// Reads numbers; `None` if bytes are left over.
     fn all(bytes: &[u8]) -> Option<Vec<Self>>;
 }
 
@@ -54,10 +54,10 @@ impl<T: Number> Serialize for Column<T> {
     }
 }
 
-/// Numbers encoded together: their bytes are a multiple of three, which base 64 turns into whole letters.
+/// Number of elements encoded at once: their bytes are a multiple of three, so that base 64 needs no padding.
 const TOGETHER: usize = 768;
 
-/// Numbers as text, in pieces: a column of a large map is some megabytes, which nobody needs twice more.
+/// Encodes in pieces, to avoid copies of several megabytes.
 struct Text<'a, T>(&'a [T]);
 
 impl<T: Number> Display for Text<'_, T> {

@@ -1,10 +1,10 @@
-//! What happened in a run that is worth finding again.
+//! Notable events of a run.
 
 use super::model::{Mark, MarkKind};
 use stillpoint_slam::{Event, LoopOutcome, Outcome};
 
-/// The mark of an event that brings one. Losses are none of it: they are known by frames. Loops and what was taken back are told by keyframes, of which a
-/// map that the run began with has the first `known`.
+/// The mark of an event, if it has one. Losses are marked from the frames instead. Loops and revoked keyframes refer to keyframe ids, of
+/// which the initial map has the first `known`.
 pub(crate) fn mark_of(event: &Event, known: u32) -> Option<Mark> {
     let frame_of = |keyframe: u32| keyframe.saturating_sub(known);
     let (frame, kind, text) = match event {
@@ -62,7 +62,7 @@ mod tests {
         };
         let view = Map::new(8, 1.2).publish();
         let event = Event::Revoked { report, view };
-        // The map that the run began with had a thousand ids.
+        // The initial map had a thousand ids.
         assert_eq!(mark_of(&event, 1000).map(|m| m.frame), Some(12));
         assert_eq!(mark_of(&event, 0).map(|m| m.frame), Some(1012));
     }

@@ -1,8 +1,7 @@
-//! The report of a run: one page that shows where it went wrong, with everything in it.
+//! The report of a run: one self-contained page.
 //!
-//! Answers: how a run is shown to somebody who was not there. Gathers while the run goes on ([`ReportRecorder`]), takes what is known in the end
-//! ([`RunData`]), and writes a page of which nothing is fetched ([`to_html`]); the data are in the page, so that it can be made
-//! again or put beside others ([`from_html`]). What is drawn, and how, is the page's business: `page/` holds it as a browser has it.
+//! [`ReportRecorder`] collects data during the run, [`RunData`] holds them with the results, and [`to_html`] writes a page that loads
+//! nothing else; [`from_html`] reads the data back, to remake the page or compare runs. `page/` holds the browser code that draws it.
 
 mod build;
 mod columns;
@@ -30,7 +29,7 @@ pub(crate) use thumbnail::Thumbnails;
 
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/style.css");
-/// In the order in which they use each other.
+/// In the order of their dependencies.
 const SCRIPTS: [&str; 11] = [
     include_str!("page/data.js"),
     include_str!("page/numbers.js"),
@@ -44,28 +43,28 @@ const SCRIPTS: [&str; 11] = [
     include_str!("page/worst.js"),
     include_str!("page/main.js"),
 ];
-/// What begins the page of a run that is over, and that of one that goes on.
+/// Entry script of a report, and of a live page.
 const REPORT: &str = include_str!("page/report.js");
 const LIVE: [&str; 2] = [include_str!("page/live.js"), include_str!("page/feed.js")];
-/// Before and after the data in the page.
+/// Text before and after the data in the page.
 const DATA_BEGINS: &str = "<script id=\"data\" type=\"application/json\">";
 const DATA_ENDS: &str = "</script>";
 
 /// A page could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
-    /// It is no report, or one of another version.
+    /// Not a report, or one of another version.
     #[error(
         "expected a report of a run, found {0}; make it again with the program that is to read it"
     )]
     Page(String),
 }
 
-/// The page of one run, or of several beside each other.
+/// The page of one run, or of several side by side.
 #[must_use]
 pub fn to_html(runs: &[RunData]) -> String {
     let data = serde_json::to_string(runs).unwrap_or_default();
-    // Only `<` could end the script element. Readers of JSON treat it and its escape alike.
+    // Only `<` could end the script element; JSON readers treat its escape alike.
     let data = data.replace('<', "\\u003c");
     let title = match runs {
         [run] => run.name.clone(),
@@ -74,7 +73,7 @@ pub fn to_html(runs: &[RunData]) -> String {
     page(&title, &data, false)
 }
 
-/// The page with its data; that of a run that goes on asks for what is new, and for nothing else.
+/// The page with its data; a live page only requests updates.
 pub(crate) fn page(title: &str, data: &str, is_live: bool) -> String {
     let last: &[&str] = if is_live { &LIVE } else { &[REPORT] };
     let script = [&SCRIPTS[..], last].concat().join("\n");
@@ -133,7 +132,7 @@ mod tests {
             "{}",
             &page[..300]
         );
-        // The data's element, and that of the page's own code.
+        // The data element, and the page's own code.
         assert_eq!(page.matches("</script>").count(), 2);
         assert!(!page.contains("{{"), "a place was not filled");
         let back = from_html(&page).unwrap();

@@ -1,4 +1,4 @@
-//! Gathers what a report shows while a run goes on.
+//! Collects the data of a report during a run.
 
 use super::columns::Column;
 use super::marks::mark_of;
@@ -13,32 +13,30 @@ use stillpoint_slam::{Event, FrameReport, Health, Outcome, Reasons, Subscriber};
 use crate::certain_speed;
 use crate::tinted::tinted;
 
-/// Pictures, at most: a page of 10 MB for a run of an hour. Of longer runs every second one is kept, again and again.
+/// Maximum number of images: a page of 10 MB for a run of an hour. In longer runs every second one is dropped, repeatedly.
 const MOST_PICTURES: usize = 1200;
-/// Pictures of the first frames of losses beside these, at most.
+/// Maximum number of additional images of the first frames of losses.
 const MOST_LOSSES: usize = 40;
-/// Features that stand still in a picture, one in so many.
+/// Static features are thinned to one in this many.
 pub(super) const ONE_IN: usize = 4;
-/// Features that move in a picture, at most.
+/// Maximum number of moving features per image.
 const MOST_MOVING: usize = 400;
 
-/// Gathers what a report shows. Events without images (of a live run that is short of time) leave no picture.
+/// Collects the data of a report. Events without images (from a live run under load) add no image.
 #[derive(Default)]
 pub struct ReportRecorder {
     frames: Vec<Seen>,
     shown: BTreeMap<FrameId, Shown>,
-    /// The first frames of losses.
     losses: BTreeMap<FrameId, Shown>,
-    /// One frame in `2^halved` has a picture.
+    /// One frame in `2^halved` has an image.
     halved: u32,
     marks: Vec<Mark>,
-    /// Ids that the map had before the first frame.
+    /// Number of keyframe ids before the first frame.
     known: u32,
     thumbnails: Thumbnails,
     image: [u32; 2],
 }
 
-/// Numbers of a frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub(super) frame: FrameId,
@@ -47,7 +45,6 @@ pub(super) struct Seen {
     pub(super) quality: f64,
 }
 
-/// A frame with its picture.
 #[derive(Clone, Debug)]
 pub(super) struct Shown {
     pub(super) webp: Column<u8>,
@@ -55,14 +52,13 @@ pub(super) struct Shown {
     pub(super) objects: Vec<SeenObject>,
 }
 
-/// An object in a picture.
 #[derive(Clone, Debug)]
 pub(crate) struct SeenObject {
     pub(super) id: u32,
     pub(super) class: &'static str,
     pub(super) motion: Motion,
     pub(super) bounds: [f64; 4],
-    /// m, in the axes of the camera: so it follows what becomes of the frame's pose.
+    /// m, in camera coordinates, so that it follows corrections of the frame's pose.
     pub(super) in_camera: Option<Vec3>,
     pub(super) size: [f64; 2],
     pub(super) speed: Option<f64>,
@@ -87,7 +83,7 @@ impl ReportRecorder {
         Self::default()
     }
 
-    /// Of a run that begins with a map of so many keyframe ids.
+    /// For a run that starts with a map of this many keyframe ids.
     pub fn begin_with(&mut self, ids: usize) {
         self.known = u32::try_from(ids).unwrap_or(u32::MAX);
     }
@@ -104,12 +100,10 @@ impl ReportRecorder {
         self.image
     }
 
-    /// Size of the picture of an image, px.
     pub(super) fn picture_size(&self, width: usize, height: usize) -> (usize, usize) {
         self.thumbnails.size(width, height)
     }
 
-    /// The frames with pictures, in order.
     pub(super) fn shown(&self) -> BTreeMap<FrameId, &Shown> {
         let losses = self.losses.iter();
         self.shown
@@ -119,7 +113,6 @@ impl ReportRecorder {
             .collect()
     }
 
-    /// Takes a frame's numbers.
     fn take(&mut self, report: &FrameReport, health: &Health) {
         self.frames.push(Seen {
             frame: report.frame,
@@ -129,7 +122,7 @@ impl ReportRecorder {
         });
     }
 
-    /// Makes a picture, if it is the frame's turn.
+    /// Makes an image of every n-th frame.
     fn show(&mut self, frame: &RgbdFrame, report: &FrameReport) {
         let number = self.frames.len() - 1;
         let turn = number.is_multiple_of(1 << self.halved);
@@ -162,7 +155,6 @@ impl ReportRecorder {
     }
 }
 
-/// Features as a picture shows them.
 pub(crate) fn features(report: &FrameReport, [width, height]: [f32; 2]) -> Column<u8> {
     let at = |x: f32, of: f32| (x / of * 255.0).round() as u8;
     let still = report.verdicts.iter().filter(|v| !v.dynamic);
@@ -175,7 +167,7 @@ pub(crate) fn features(report: &FrameReport, [width, height]: [f32; 2]) -> Colum
         .collect()
 }
 
-/// The reason that says most.
+/// The most informative reason.
 fn said(reasons: Reasons) -> Said {
     [
         (Reasons::OBJECT, Said::Object),
@@ -188,7 +180,7 @@ fn said(reasons: Reasons) -> Said {
     .map_or(Said::History, |(_, said)| said)
 }
 
-/// Objects that are more than a guess. Those that are hidden have no place: none was measured.
+/// Objects that are neither tentative nor hidden; the latter have no measured position.
 pub(crate) fn objects_of(report: &FrameReport) -> impl Iterator<Item = SeenObject> {
     let sure = |o: &&Object| o.state != ObjectState::Tentative;
     let seen = move |object: &Object| {

@@ -1,4 +1,4 @@
-//! The colours and the typeface of the page: the palette of the pictures, and what is written and drawn beside them.
+//! Colours and typeface of the page, shared with the images.
 
 use crate::Colour;
 use base64::Engine;
@@ -6,8 +6,8 @@ use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
 use stillpoint_evaluation::plot;
 
-/// A name of the style, and its colour on light and on dark paper. Names say what a colour stands for; blue, vermilion and green keep apart for eyes
-/// that tell red from green badly (Okabe and Ito, 2008), and plots have the same ones.
+/// A colour's name, and its value on light and on dark background. Names state the meaning; blue, vermilion and green are distinguishable
+/// with red-green colour blindness (Okabe and Ito, 2008), and are used in plots too.
 type Ink = (&'static str, [Colour; 2]);
 
 const fn both(light: u32, dark: u32) -> [Colour; 2] {
@@ -18,7 +18,6 @@ const fn of(rgb: u32) -> Colour {
     Colour((rgb >> 16) as u8, (rgb >> 8) as u8, rgb as u8)
 }
 
-/// A colour of the plots.
 const fn plotted(plot::Colour(r, g, b): plot::Colour) -> Colour {
     Colour(r, g, b)
 }
@@ -26,15 +25,15 @@ const fn plotted(plot::Colour(r, g, b): plot::Colour) -> Colour {
 const PAPER: Ink = ("paper", both(0xff_ffff, 0x14_171b));
 const PANEL: Ink = ("panel", both(0xf3_f5f8, 0x1d_2126));
 const SCENE: Ink = ("scene", both(0xf3_f5f8, 0x0d_0f12));
-/// Bars under words.
+/// Bars behind text.
 const TINT: Ink = ("tint", both(0xcf_e4f2, 0x1f_3f57));
 const TINT_DEEP: Ink = ("tint-deep", both(0xa9_d0e8, 0x2a_5678));
 const LINE: Ink = ("line", both(0xc9_ced6, 0x3a_414b));
 const INK: Ink = ("ink", [plotted(plot::INK), of(0xe8_eaed)]);
 const MUTED: Ink = ("muted", both(0x52_5966, 0xa9_b0bb));
-/// What was estimated.
+/// Estimates.
 const ACCENT: Ink = ("accent", [plotted(plot::ESTIMATE), of(0x7c_c4f2)]);
-/// What is known to be true: wide, under what was estimated.
+/// Ground truth: wide, below the estimates.
 const TRUTH: Ink = ("truth", [plotted(plot::REFERENCE), of(0xc6_ccd5)]);
 const BAD: Ink = ("bad", both(0xa8_3f00, 0xff_9a5c));
 const GOOD: Ink = ("good", both(0x00_6b4c, 0x57_d3ab));
@@ -44,7 +43,7 @@ const INKS: [Ink; 13] = [
     PAPER, PANEL, SCENE, TINT, TINT_DEEP, LINE, INK, MUTED, ACCENT, TRUTH, BAD, GOOD, WARM,
 ];
 
-/// What was said of a feature, in the order of [`Said`](super::Said).
+/// Verdicts on features, in the order of [`Said`](super::Said).
 const SAID: [Colour; 6] = [
     Colour::STATIC,
     Colour::SEMANTIC,
@@ -54,7 +53,7 @@ const SAID: [Colour; 6] = [
     Colour::HISTORY,
 ];
 
-/// The style of the page: its typeface, its colours, and `rules` that use them.
+/// The style sheet: typeface, colours, and `rules` that use them.
 pub(super) fn style(rules: &str) -> String {
     let font = STANDARD.encode(plot::TYPEFACE);
     let mut css = format!(
@@ -72,7 +71,7 @@ pub(super) fn style(rules: &str) -> String {
     css + " } }\n" + rules
 }
 
-/// The inks of light (0) or dark (1) paper as properties.
+/// Writes the colours of the light (0) or dark (1) theme as properties.
 fn put(css: &mut String, which: usize) {
     for (name, colours) in INKS {
         // Writing to a String cannot fail.
@@ -130,13 +129,13 @@ mod tests {
             for ground in [TINT, TINT_DEEP] {
                 hold(INK, ground, 4.5);
             }
-            // Lines, borders that tell something, and marks.
+            // Lines, meaningful borders, and marks.
             for ink in [TRUTH, ACCENT, BAD, GOOD, WARM] {
                 for ground in [PAPER, PANEL, SCENE] {
                     hold(ink, ground, 3.0);
                 }
             }
-            // An estimate is seen on the truth that lies under it.
+            // An estimate is visible on top of the ground truth.
             hold(ACCENT, TRUTH, 1.15);
         }
     }

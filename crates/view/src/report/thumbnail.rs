@@ -1,23 +1,22 @@
-//! Small pictures of frames, as WebP.
+//! Reduced images of frames, as WebP.
 
 use crate::encode;
 use stillpoint_imaging::RgbdFrame;
 
-/// Width of a picture, px, at least, where its image has that: faces and edges are told apart on a dense screen, too.
+/// Minimum width of an image, px, if the camera's is at least that: faces and edges can be recognised, on dense screens too.
 const WIDTH: usize = 320;
-/// Quality of the first picture, percent, chosen: WebP's artefacts are not seen from there on.
+/// Quality of the first image, percent, chosen: WebP's artefacts are not seen from there on.
 const BEST: u8 = 70;
 /// The lowest quality, percent, chosen: faces and edges are still told apart.
 const WORST: u8 = 10;
-/// Bytes that a picture of a report should take on average: 300 of them, as text, take 1.8 of the 3 MB that a page of as many frames may have.
+/// Average size of a report's image, bytes: 300 of them, as text, take 1.8 of the 3 MB that a page of as many frames may have.
 const MEAN_BYTES: usize = 4400;
-/// How much time the encoder takes for a smaller file, 0 to 6: 2 takes half of what 4 does, for some 3 % more bytes.
+/// Effort of the encoder, 0 to 6: 2 takes half of the time of 4, for some 3 % more bytes.
 const METHOD: i32 = 2;
 
-/// Makes pictures, and keeps to a mean size by their quality.
+/// Makes images, and adapts their quality to a mean size.
 #[derive(Clone, Debug)]
 pub(crate) struct Thumbnails {
-    /// Bytes that a picture should take on average.
     mean_bytes: usize,
     quality: u8,
     made: usize,
@@ -31,7 +30,7 @@ impl Default for Thumbnails {
 }
 
 impl Thumbnails {
-    /// Pictures that take so many bytes on average.
+    /// For images of this average size, bytes.
     pub(crate) fn new(mean_bytes: usize) -> Self {
         Self {
             mean_bytes,
@@ -41,12 +40,11 @@ impl Thumbnails {
         }
     }
 
-    /// Size of the picture of an image, px.
     pub(crate) fn size(&self, width: usize, height: usize) -> (usize, usize) {
         size(width, height, step(width))
     }
 
-    /// A frame as WebP: in colour if it has colours.
+    /// A frame as WebP, in colour if available.
     pub(crate) fn make(&mut self, frame: &RgbdFrame) -> Vec<u8> {
         let (width, height, pixels) = match &frame.colour {
             Some(colour) => {
@@ -59,7 +57,7 @@ impl Thumbnails {
                 (w, h, small.into_iter().flat_map(|v| [v; 3]).collect())
             }
         };
-        // The size is that of the pixels, so this does not fail.
+        // The size matches the pixels, so this does not fail.
         let webp = encode::webp(&pixels, (width, height), (self.quality, METHOD));
         let webp = webp.unwrap_or_default();
         self.made += 1;
@@ -73,7 +71,7 @@ impl Thumbnails {
     }
 }
 
-/// A pixel of the picture is so many of the image, along both sides.
+/// Number of camera pixels along each side of a pixel.
 fn step(width: usize) -> usize {
     (width / WIDTH).max(1)
 }
@@ -91,7 +89,7 @@ fn reduced<const N: usize>(
 ) -> (usize, usize, Vec<u8>) {
     let (w, h) = size(width, height, step);
     let mut small = vec![0; w * h * N];
-    // Rows are summed whole first, which is quick.
+    // Summing whole rows first is fast.
     let mut columns = vec![0_u32; w * step * N];
     for (y, out) in small.chunks_exact_mut(w * N).enumerate() {
         columns.fill(0);

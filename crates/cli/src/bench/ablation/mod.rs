@@ -1,4 +1,4 @@
-//! `bench --ablation`: what each part of the static filter is worth, as published ablations show it.
+//! `bench --ablation`: accuracy with each part of the static filter switched on, in the form of published ablations.
 
 pub(crate) mod report;
 mod variant;
@@ -20,43 +20,36 @@ use crate::{config, console, output};
 use serde::Serialize;
 use std::path::Path;
 
-/// The file `ablation.json`.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
     pub(crate) machine: Machine,
     pub(crate) command: String,
-    /// Seeds of the runs of every configuration.
     pub(crate) seeds: Vec<u64>,
     pub(crate) sequences: Vec<Row>,
 }
 
-/// One sequence.
 #[derive(Debug, Serialize)]
 pub(crate) struct Row {
     pub(crate) name: String,
     pub(crate) path: String,
-    /// What objects were detected with.
     pub(crate) detector: String,
-    /// Nothing looked at the frames.
     pub(crate) blind: bool,
     /// Why nothing could be run.
     pub(crate) error: Option<String>,
     pub(crate) variants: Vec<Cell>,
-    /// ATE RMSE that others published on the recording of this name, m.
+    /// Published ATE RMSE on the recording of this name, m.
     pub(crate) published: Option<Ablated>,
 }
 
 /// One sequence with one configuration.
 #[derive(Debug, Serialize)]
 pub(crate) struct Cell {
-    /// Its label.
     pub(crate) variant: &'static str,
     pub(crate) settings: Vec<String>,
-    /// Why a run failed.
     pub(crate) error: Option<String>,
-    /// `None` when no run came to its end.
+    /// `None` when no run completed.
     pub(crate) figures: Option<Figures>,
-    /// Share of keypoints that were rejected: median over the runs.
+    /// Share of rejected keypoints: median over the runs.
     pub(crate) rejected: Option<f64>,
     pub(crate) runs: Vec<Summary>,
 }
@@ -64,8 +57,7 @@ pub(crate) struct Cell {
 /// Runs every path with every configuration and writes the report.
 ///
 /// # Errors
-/// Paths that are neither folders nor scenes, a name of no detector, an output folder that cannot be written. What fails later is a line of the
-/// report.
+/// Invalid paths, scenes or detectors, or an output folder that is not writable. Later failures become lines of the report.
 pub(crate) fn bench(args: &BenchArgs, interrupt: &Interrupt) -> Result<Status, Failure> {
     let sources: Result<Vec<Source>, Failure> = args.paths.iter().map(|p| Source::of(p)).collect();
     let sources = sources?;
@@ -88,7 +80,7 @@ pub(crate) fn bench(args: &BenchArgs, interrupt: &Interrupt) -> Result<Status, F
                 row.blind = prepared.blind;
                 row.variants = variants(args, (&row.name, &prepared), &seeds, interrupt);
             }
-            // Ctrl-C reaches the simulation too.
+            // Ctrl-C reaches the simulation process too.
             Err(_) if interrupt.requested() => break,
             Err(e) => {
                 console::warn(&format!("{}: {e}", row.name));
@@ -111,7 +103,7 @@ pub(crate) fn bench(args: &BenchArgs, interrupt: &Interrupt) -> Result<Status, F
     Ok(status(&report.sequences))
 }
 
-/// Seeds of the runs: a run with the seed of another would be that run again.
+/// Seeds of the runs, all different: runs of equal seeds would be identical.
 pub(crate) fn seeds(first: u64, runs: u32) -> Vec<u64> {
     let last = i64::MAX as u64;
     (0..u64::from(runs))
@@ -119,7 +111,7 @@ pub(crate) fn seeds(first: u64, runs: u32) -> Vec<u64> {
         .collect()
 }
 
-/// A sequence that nothing was run on yet.
+/// A row without runs yet.
 pub(crate) fn row(args: &BenchArgs, name: String, path: &Path) -> Row {
     Row {
         published: published_ablation(&name),
@@ -188,7 +180,7 @@ pub(crate) fn cell(
         console::info(&format!("{name}: {label}, seed {seed}"));
         let folder = format!("{name}-{label}-{}", k + 1).replace(' ', "-");
         let result = if live {
-            // What is byte for byte the same is no question of live runs.
+            // Live runs are not reproducible, so that their trajectories are not compared.
             plan.live(&prepared.path, &folder).map(|s| (s, Vec::new()))
         } else {
             plan.once(&prepared.path, &folder)
@@ -233,8 +225,7 @@ fn write(report: &Report, out: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Well when every run came to its end with a score, and the project's own filter lost no frame: that the others do is what
-/// an ablation shows.
+/// `Ok` when every run completed with a score and the default filter lost no frame; the other configurations may lose frames.
 fn status(rows: &[Row]) -> Status {
     let scored = |c: &Cell| {
         let f = c.figures.as_ref();

@@ -1,4 +1,4 @@
-//! The report of an ablation as Markdown, which also reads well in a terminal.
+//! The report of an ablation as Markdown.
 
 use crate::bench::ablation::{Cell, Report, Row, Variant};
 use crate::bench::figures::{Errors, Figures};
@@ -35,7 +35,7 @@ pub(crate) fn markdown(report: &Report) -> String {
     text
 }
 
-/// How often, and what differs.
+/// Number of runs and how they differ, in words.
 pub(crate) fn runs(seeds: &[u64]) -> String {
     match seeds {
         [] => String::new(),
@@ -48,7 +48,7 @@ pub(crate) fn runs(seeds: &[u64]) -> String {
     }
 }
 
-/// A line per sequence, a column per configuration, as ablations are published.
+/// A line per sequence, a column per configuration, as in published ablations.
 pub(crate) fn overview<'a>(rows: impl IntoIterator<Item = &'a Row>) -> String {
     let header = ["sequence"].into_iter();
     let mut table = Table::new(header.chain(Variant::ALL.map(Variant::label)));
@@ -96,12 +96,11 @@ fn short(cell: &Cell) -> String {
     }
 }
 
-/// Not rounded up to all frames.
+/// Rounds down, so that 100 % means all frames.
 fn floor_percent(share: f64) -> f64 {
     (share * 100.0).floor()
 }
 
-/// A line per sequence and configuration.
 fn details(rows: &[Row]) -> String {
     let mut table = Table::new([
         "sequence",
@@ -138,11 +137,11 @@ fn details(rows: &[Row]) -> String {
     table.to_markdown()
 }
 
-/// What does not fit into the tables.
+/// Remarks that do not fit into the tables.
 fn notes(row: &Row) -> String {
     let mut text = String::new();
     let mut add = |note: &str| {
-        // A message of several lines would end the list.
+        // A line break would end the list.
         let note: Vec<&str> = note.split_whitespace().collect();
         text += &format!("- {}: {}\n", row.name, note.join(" "));
     };

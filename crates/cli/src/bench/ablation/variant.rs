@@ -1,21 +1,15 @@
-//! The configurations that are compared.
+//! The configurations of an ablation.
 
-/// A configuration of the static filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Variant {
-    /// No filter.
     None,
-    /// Objects.
     O,
-    /// Epipolar constraint.
     G,
-    /// Objects and epipolar constraint.
     Og,
-    /// Objects, epipolar constraint and depth: all of the published method.
+    /// Objects, epipolar constraint and depth: the complete published method.
     Ogd,
-    /// The published method with what this project changed in it.
+    /// The published method with this project's changes.
     Adapted,
-    /// This project's own filter.
     Default,
 }
 
@@ -31,7 +25,6 @@ impl Variant {
         Self::Default,
     ];
 
-    /// As the report says it.
     pub(crate) fn label(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -44,12 +37,12 @@ impl Variant {
         }
     }
 
-    /// Without a detector it is the same as one with fewer letters.
+    /// Without a detector such a variant equals one with fewer parts.
     pub(crate) fn needs_detector(self) -> bool {
         matches!(self, Self::O | Self::Og | Self::Ogd | Self::Adapted)
     }
 
-    /// The settings of this variant, which come after all that the user set.
+    /// Settings of this variant; they override the user's.
     fn settings(self) -> Vec<String> {
         let paper = || {
             vec![
@@ -66,14 +59,13 @@ impl Variant {
     }
 }
 
-/// How the runs of a cell differ from what the user set.
+/// How the runs of a cell differ from the user's settings.
 #[derive(Clone, Debug)]
 pub(crate) struct Asked {
-    /// As the report says it.
     pub(crate) label: &'static str,
-    /// Settings, which come after all that the user set.
+    /// Settings, which override the user's.
     pub(crate) settings: Vec<String>,
-    /// With a thread per stage, at the pace of the camera.
+    /// With a thread per stage, at camera rate.
     pub(crate) live: bool,
 }
 

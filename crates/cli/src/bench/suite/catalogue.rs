@@ -5,12 +5,11 @@ use crate::bench::suite::published::{
     ABLATED, Ablated, BONN as BONN_ERRORS, Errors, TUM as TUM_ERRORS,
 };
 
-/// One sequence of a suite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Known {
-    /// The folder's name without what all of the camera have in common.
+    /// The folder's name without the camera's prefix.
     pub(crate) name: &'static str,
-    /// The camera's part of the folder's name, in all forms that are in use.
+    /// The camera's prefix, in all forms that are in use.
     pub(crate) camera: &'static [&'static str],
 }
 
@@ -73,7 +72,6 @@ const BONN_DYNAMIC: &[Known] = &[
 ];
 
 impl Suite {
-    /// All sequences, in the order of the report.
     pub(crate) fn sequences(self) -> &'static [Known] {
         match self {
             Self::TumDynamic => TUM_DYNAMIC,
@@ -81,8 +79,8 @@ impl Suite {
         }
     }
 
-    /// The cameras that its sequences are run with where the user names none: of Bonn's depth there are two factors, the published one and the one
-    /// that the scale of its published marker transform hints at.
+    /// Cameras to run with where the user names none: for Bonn's depth there are two factors, the published one and the one that the scale
+    /// of its published marker transform suggests.
     pub(crate) fn cameras(self) -> &'static [Option<&'static str>] {
         match self {
             Self::TumDynamic => &[None],
@@ -90,7 +88,7 @@ impl Suite {
         }
     }
 
-    /// What others published on its sequences.
+    /// Published errors on its sequences.
     pub(crate) fn published(self) -> &'static Errors {
         match self {
             Self::TumDynamic => &TUM_ERRORS,
@@ -98,7 +96,6 @@ impl Suite {
         }
     }
 
-    /// A folder's name, as an example of what is looked for.
     pub(crate) fn example(self) -> &'static str {
         match self {
             Self::TumDynamic => "rgbd_dataset_freiburg3_walking_xyz",
@@ -106,8 +103,8 @@ impl Suite {
         }
     }
 
-    /// The sequence that a folder of this name holds. Upper case, `-` for `_`, and `fr3` for `freiburg3` are accepted; the
-    /// camera must be in the name, because a folder `static` could be anything.
+    /// The sequence that a folder of this name holds. Upper case, `-` for `_`, and `fr3` for `freiburg3` are accepted; the camera must be
+    /// in the name, because a folder `static` could be anything.
     pub(crate) fn recognise(self, folder: &str) -> Option<&'static Known> {
         let folder = folder.to_lowercase().replace('-', "_");
         let rest = ["rgbd_dataset_", "rgbd_"]
@@ -177,7 +174,7 @@ mod tests {
                 .filter(|k| !s.published().of(k.name).is_empty())
                 .count()
         };
-        // All that were published are of the suite.
+        // Every published sequence is in the suite.
         assert_eq!(with_figures(Suite::TumDynamic), 5);
         assert_eq!(with_figures(Suite::Bonn), 9);
     }

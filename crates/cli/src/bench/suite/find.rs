@@ -1,25 +1,25 @@
-//! Which sequences of a suite lie below a folder.
+//! Finds the sequences of a suite below a folder.
 
 use crate::bench::suite::catalogue::{Known, Suite};
 use crate::console;
 use crate::failure::Failure;
 use std::path::{Path, PathBuf};
 
-/// How deep sequences are looked for: the folder itself, and so many below it. Archives are often unpacked into a folder
-/// per camera, and into one of their own name once more.
+/// Maximum number of folder levels below the given one. Archives are often unpacked into a folder per camera, and into one of their own
+/// name once more.
 const DEPTH: usize = 3;
 
-/// A sequence and where it lies, if it was found.
+/// A sequence and its path, if found.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Found {
     pub(crate) known: &'static Known,
     pub(crate) path: Option<PathBuf>,
 }
 
-/// Every sequence of the suite, in its order. One that lies there twice is taken once, and that is warned about.
+/// Every sequence of the suite, in its order. Of duplicates the first is taken, with a warning.
 ///
 /// # Errors
-/// A folder that is none; folders without any sequence.
+/// A path that is not a folder; folders without any sequence.
 pub(crate) fn find(suite: Suite, folders: &[PathBuf]) -> Result<Vec<Found>, Failure> {
     let found = look_in(suite, folders)?;
     if found.iter().all(|f| f.path.is_none()) {
@@ -35,10 +35,10 @@ pub(crate) fn find(suite: Suite, folders: &[PathBuf]) -> Result<Vec<Found>, Fail
     Ok(found)
 }
 
-/// The same, where there may be none.
+/// Like [`find`], but finding none is not an error.
 ///
 /// # Errors
-/// A folder that is none.
+/// A path that is not a folder.
 pub(crate) fn look_in(suite: Suite, folders: &[PathBuf]) -> Result<Vec<Found>, Failure> {
     let mut hits = Vec::new();
     for folder in folders {
@@ -49,7 +49,7 @@ pub(crate) fn look_in(suite: Suite, folders: &[PathBuf]) -> Result<Vec<Found>, F
                 folder.display()
             )));
         }
-        // A name of its own even for `.`.
+        // Canonical, so that even `.` has a name.
         let full = folder.canonicalize().unwrap_or_else(|_| folder.clone());
         let name = full.file_name().map(|n| n.to_string_lossy().into_owned());
         look(suite, folder, name.as_deref().unwrap_or(""), 0, &mut hits);
@@ -57,15 +57,13 @@ pub(crate) fn look_in(suite: Suite, folders: &[PathBuf]) -> Result<Vec<Found>, F
     Ok(suite.sequences().iter().map(|k| choose(k, &hits)).collect())
 }
 
-/// A folder of the right name.
 struct Hit {
     known: &'static Known,
     path: PathBuf,
-    /// Frames are listed in it.
     listed: bool,
 }
 
-/// The folder to take: the first with frames, else the first of the name, which will say what is wrong with it.
+/// Chooses the first folder with frames, else the first of the name, whose run will report the problem.
 fn choose(known: &'static Known, hits: &[Hit]) -> Found {
     let all: Vec<&Hit> = hits.iter().filter(|h| h.known == known).collect();
     let listed: Vec<&Hit> = all.iter().copied().filter(|h| h.listed).collect();
@@ -83,7 +81,7 @@ fn choose(known: &'static Known, hits: &[Hit]) -> Found {
     }
 }
 
-/// Collects what lies in a folder and below, in the order of names.
+/// Collects the matches in a folder and below, in the order of names.
 fn look(suite: Suite, folder: &Path, name: &str, depth: usize, hits: &mut Vec<Hit>) {
     let listed = lists_frames(folder);
     if let Some(known) = suite.recognise(name) {
@@ -93,7 +91,7 @@ fn look(suite: Suite, folder: &Path, name: &str, depth: usize, hits: &mut Vec<Hi
             listed,
         });
     }
-    // Below a sequence there are images only.
+    // Below a sequence there are only images.
     if listed || depth == DEPTH {
         return;
     }

@@ -1,4 +1,4 @@
-//! `bench --suite`: all sequences of a public data set that are found, beside published figures.
+//! `bench --suite`: runs all sequences found of a public data set, and compares with published figures.
 
 pub(crate) mod catalogue;
 pub(crate) mod find;
@@ -22,48 +22,40 @@ use crate::{config, console, detector, output};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// The file `suite.json`.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
     pub(crate) suite: &'static str,
     pub(crate) machine: Machine,
     pub(crate) command: String,
-    /// What the runs were asked to detect objects with.
     pub(crate) detector: String,
-    /// Seeds of the runs of every case.
     pub(crate) seeds: Vec<u64>,
     pub(crate) sequences: Vec<Row>,
 }
 
-/// What became of a sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum State {
-    /// It ran to its end.
     Ran,
-    /// It could not be run.
     Failed,
     /// The user ended the bench before.
     NotRun,
-    /// There is no folder of its name.
     NotFound,
 }
 
-/// One sequence of the suite.
 #[derive(Debug, Serialize)]
 pub(crate) struct Row {
     pub(crate) name: &'static str,
     pub(crate) state: State,
     pub(crate) path: Option<PathBuf>,
     pub(crate) cases: Vec<Case>,
-    /// What others published on it.
+    /// Published errors on it.
     pub(crate) published: Vec<Published>,
 }
 
 /// A sequence with one camera and one configuration.
 #[derive(Debug, Serialize)]
 pub(crate) struct Case {
-    /// The camera that it was run with, where the suite has several.
+    /// Camera of the runs, where the suite has several.
     pub(crate) camera: Option<&'static str>,
     pub(crate) live: bool,
     #[serde(flatten)]
@@ -71,7 +63,7 @@ pub(crate) struct Case {
 }
 
 impl Case {
-    /// What distinguishes it from other cases, in words; empty where there is nothing.
+    /// Distinguishes it from other cases; empty where there is only one.
     pub(crate) fn label(&self) -> String {
         let camera = self.camera.into_iter();
         let variant = Some(self.cell.variant).filter(|v| *v != AS_SET);
@@ -79,14 +71,13 @@ impl Case {
     }
 }
 
-/// The configuration is what the user set.
+/// Label of the user's configuration.
 const AS_SET: &str = "as set";
 
-/// Finds the suite's sequences, runs them, writes the report.
+/// Finds the suite's sequences, runs them, and writes the report.
 ///
 /// # Errors
-/// Folders without any sequence, an output folder that cannot be written. A sequence that cannot be run is a line of the
-/// report.
+/// Folders without any sequence, an output folder that is not writable. A sequence that cannot be run becomes a line of the report.
 pub(crate) fn bench(
     suite: Suite,
     args: &BenchArgs,
@@ -97,7 +88,7 @@ pub(crate) fn bench(
     }
     let found = find(suite, &pull::folders(args))?;
     let seeds = seeds(config::resolve(&args.config)?.seed, args.runs);
-    // Settled once, so that all runs get the same.
+    // Chosen once, so that all runs use the same.
     let settled = detector::settle(&args.input.detector)?;
     settled.announce();
     args.plan().prepare()?;
@@ -125,7 +116,7 @@ pub(crate) fn bench(
     Ok(status(&report.sequences))
 }
 
-/// What is run on every sequence with every camera.
+/// The runs of every sequence with every camera.
 fn asked(args: &BenchArgs, blind: bool) -> Vec<Asked> {
     let mut all: Vec<Asked> = Vec::new();
     if args.ablation {
@@ -183,7 +174,7 @@ fn row(
                 None => known.name.to_owned(),
             };
             let cell = ablation::cell(args, (&name, &prepared), (&asked, seeds), interrupt);
-            // Ctrl-C reaches the run too, and ends it before its first frame: that is no failure of the sequence.
+            // Ctrl-C also ends the run before its first frame: not a failure of the sequence.
             if cell.figures.is_none() && interrupt.requested() {
                 return row;
             }
@@ -208,8 +199,8 @@ fn write(report: &Report, suite: Suite, out: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Well when every sequence that was found has a score in every case, and was tracked throughout by the configuration that the user set, or in an
-/// ablation by the default filter: that the others lose frames is what it shows. Unusable when none could be run.
+/// `Ok` when every sequence found has a score in every case and was tracked throughout by the user's configuration, or in an ablation by
+/// the default filter; the other variants may lose frames. `Unusable` when none could be run.
 fn status(rows: &[Row]) -> Status {
     let scored = |f: &Figures| f.ate.is_some() || f.drift.is_some();
     let own = |c: &Case| c.live || [AS_SET, Variant::Default.label()].contains(&c.cell.variant);
@@ -302,7 +293,7 @@ mod tests {
             assert_eq!(status(&[good(), bad]), Status::Failed);
         }
         assert_eq!(status(&[failed(), missing()]), Status::Unusable);
-        // What an ablation takes away may lose frames.
+        // Reduced variants of an ablation may lose frames.
         for (variant, expected) in [("O+G", Status::Ok), ("default", Status::Failed)] {
             let cases = vec![case(variant, Some(0.5), true)];
             assert_eq!(status(&[row(State::Ran, cases)]), expected, "{variant}");

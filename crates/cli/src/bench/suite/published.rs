@@ -1,8 +1,7 @@
-//! Errors that others published, each with its source. Facts from tables, nothing else.
+//! Published errors of other systems, each with its source.
 
 use serde::Serialize;
 
-/// A system that errors were published for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum System {
     /// The publication that preset `paper` follows. It gives its system no name.
@@ -18,7 +17,6 @@ pub(crate) enum System {
 }
 
 impl System {
-    /// In the order of their numbers.
     const ALL: [Self; 9] = [
         Self::Paper,
         Self::OrbSlam2,
@@ -31,7 +29,6 @@ impl System {
         Self::YoloSlam,
     ];
 
-    /// Its name in tables.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Paper => "published method",
@@ -46,7 +43,6 @@ impl System {
         }
     }
 
-    /// The publication that describes it.
     pub(crate) fn publication(self) -> &'static str {
         match self {
             Self::Paper => {
@@ -69,7 +65,7 @@ impl System {
         }
     }
 
-    /// Time per frame that [1] states in its Table 6, ms, each with the machine that it was taken on.
+    /// Time per frame from Table 6 of [1], ms, each with its machine.
     fn times(self) -> &'static [(f64, &'static str)] {
         match self {
             Self::Paper => &[(37.25, "i5-8400"), (103.5, "Jetson Xavier NX")],
@@ -82,14 +78,14 @@ impl System {
         }
     }
 
-    /// What stands for its publication in a text, e.g. `[1]`.
+    /// Reference mark of its publication, e.g. `[1]`.
     pub(crate) fn mark(self) -> String {
         let number = Self::ALL.iter().position(|s| *s == self);
         format!("[{}]", number.unwrap_or(0) + 1)
     }
 }
 
-/// The list of sources below a table, as Markdown; `tables` is where the figures stand in the first of them.
+/// The list of sources below a table, as Markdown; `tables` locates the figures in the first of them.
 pub(crate) fn sources(systems: &[System], tables: &str) -> String {
     let mut text = format!(
         "Published figures are those of {tables} of {paper}, which quotes the other systems' own papers; none was measured on this \
@@ -107,11 +103,11 @@ pub(crate) fn sources(systems: &[System], tables: &str) -> String {
 pub(crate) struct Figure {
     pub(crate) rmse: f64,
     pub(crate) sd: Option<f64>,
-    /// Where in the publication of preset `paper` it stands.
+    /// Table in the publication of preset `paper`.
     pub(crate) table: &'static str,
 }
 
-/// What was published of a system.
+/// Published figures of a system.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Published {
     pub(crate) system: &'static str,
@@ -123,9 +119,8 @@ pub(crate) struct Published {
     pub(crate) rpe_rotation_deg: Option<Figure>,
     /// Time per frame, ms, with the machine.
     pub(crate) ms_per_frame: &'static [(f64, &'static str)],
-    /// The system's own publication, which that of preset `paper` quotes.
+    /// The system's own publication, as cited in that of preset `paper`.
     pub(crate) source: &'static str,
-    /// What stands for it below the table.
     #[serde(skip)]
     pub(crate) mark: String,
 }
@@ -133,7 +128,7 @@ pub(crate) struct Published {
 /// RMSE and standard deviation of several systems on several sequences.
 #[derive(Debug)]
 pub(crate) struct Table {
-    /// Where in the publication of preset `paper` they stand.
+    /// Table in the publication of preset `paper`.
     name: &'static str,
     systems: &'static [System],
     rows: &'static [(&'static str, &'static [[f64; 2]])],
@@ -153,22 +148,19 @@ impl Table {
     }
 }
 
-/// What was published on the sequences of a suite.
 #[derive(Debug)]
 pub(crate) struct Errors {
-    /// The names of the tables, in words.
     pub(crate) tables: &'static str,
     ate: &'static Table,
     rpe: Option<[&'static Table; 2]>,
 }
 
 impl Errors {
-    /// The systems, in the order of the tables.
     pub(crate) fn systems(&self) -> &'static [System] {
         self.ate.systems
     }
 
-    /// What was published on a sequence, a row per system; empty where nothing was.
+    /// Published errors on a sequence, a row per system; may be empty.
     pub(crate) fn of(&self, sequence: &str) -> Vec<Published> {
         let row = |system: &System| {
             let ate = self.ate.of(sequence, *system);
@@ -191,18 +183,15 @@ impl Errors {
     }
 }
 
-/// Not given.
 const NAN: f64 = f64::NAN;
 const NO: [f64; 2] = [NAN, NAN];
 
-/// TUM RGB-D, camera freiburg3.
 pub(crate) static TUM: Errors = Errors {
     tables: "Tables 1 to 3 (errors) and 6 (times)",
     ate: &TUM_ATE,
     rpe: Some([&TUM_RPE_TRANSLATION, &TUM_RPE_ROTATION]),
 };
 
-/// Bonn RGB-D Dynamic.
 pub(crate) static BONN: Errors = Errors {
     tables: "Tables 4 (errors) and 6 (times)",
     ate: &BONN_ATE,
@@ -223,7 +212,7 @@ static TUM_ATE: Table = Table {
     ],
 };
 
-/// RPE over 1 s there, translation, m/s.
+/// RPE over 1 s on TUM RGB-D, translation, m/s.
 #[rustfmt::skip]
 static TUM_RPE_TRANSLATION: Table = Table {
     name: "Table 2",
@@ -237,7 +226,7 @@ static TUM_RPE_TRANSLATION: Table = Table {
     ],
 };
 
-/// The same, rotation, deg/s.
+/// RPE over 1 s on TUM RGB-D, rotation, deg/s.
 #[rustfmt::skip]
 static TUM_RPE_ROTATION: Table = Table {
     name: "Table 3",
@@ -251,7 +240,7 @@ static TUM_RPE_ROTATION: Table = Table {
     ],
 };
 
-/// ATE on Bonn RGB-D Dynamic, m. Of some systems no standard deviation is given.
+/// ATE on Bonn RGB-D Dynamic, m. For some systems no standard deviation is given.
 #[rustfmt::skip]
 static BONN_ATE: Table = Table {
     name: "Table 4",
@@ -272,15 +261,14 @@ static BONN_ATE: Table = Table {
 /// ATE of a published ablation, m.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct Ablated {
-    /// What it was measured on, without the camera.
+    /// The recording, without the camera.
     pub(crate) recording: &'static str,
     /// RMSE with nothing, objects, epipolar constraint, both, and both with depth.
     pub(crate) ate: [f64; 5],
-    /// Standard deviations.
     pub(crate) sd: [f64; 5],
 }
 
-/// Where [`ABLATED`] stands in the publication of preset `paper`.
+/// Location of [`ABLATED`] in the publication of preset `paper`.
 pub(crate) const ABLATION_TABLE: &str = "Table 5";
 
 /// All of the camera freiburg3 of TUM RGB-D.
@@ -324,7 +312,7 @@ mod tests {
             assert_eq!(text.matches("\n- [").count(), 6, "{text}");
         }
         assert_eq!(TUM.of("sitting_static").len(), 5);
-        // Nothing was published on it under this source.
+        // This source has no figures for it.
         assert_eq!(TUM.of("sitting_rpy"), []);
     }
 
@@ -363,7 +351,7 @@ mod tests {
         assert_eq!(ds.ms_per_frame, [(76.46, "i7, P4000")]);
     }
 
-    /// Without its parts the published system is ORB-SLAM2, with all of them it is the one of the other table.
+    /// Without its parts the published system is ORB-SLAM2; with all of them it is the one of the other table.
     #[test]
     fn the_ablation_begins_and_ends_where_the_table_stands() {
         for ablated in ABLATED {

@@ -1,4 +1,4 @@
-//! `bench --suite --pull`: the sequences that are missing, before any is run.
+//! `bench --suite --pull`: downloads missing sequences before any is run.
 
 use super::catalogue::Suite;
 use super::find::look_in;
@@ -10,7 +10,6 @@ use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use std::path::PathBuf;
 
-/// Where sequences are looked for.
 pub(super) fn folders(args: &BenchArgs) -> Vec<PathBuf> {
     match args.paths.is_empty() {
         true => vec![PathBuf::from(FOLDER)],
@@ -18,10 +17,10 @@ pub(super) fn folders(args: &BenchArgs) -> Vec<PathBuf> {
     }
 }
 
-/// Gets the sequences that are in none of the folders into the first of them.
+/// Downloads the sequences that are in none of the folders into the first of them.
 ///
 /// # Errors
-/// The first that cannot be had; the same command goes on from it.
+/// The first failed download; running the command again resumes there.
 pub(super) fn missing(
     suite: Suite,
     args: &BenchArgs,

@@ -1,4 +1,4 @@
-//! The report of a suite as Markdown, which also reads well in a terminal.
+//! The report of a suite as Markdown.
 
 use crate::bench::ablation::Variant;
 use crate::bench::ablation::report::runs;
@@ -65,8 +65,8 @@ pub(crate) fn markdown(report: &Report, suite: Suite) -> String {
     text + "\n" + &compared(report, suite)
 }
 
-/// A row per system that figures were published of, and ours below them. The best error of a sequence is bold; runs that have no pose for some
-/// frames cannot have it.
+/// A row per system with published figures, and ours below them. The best error of a sequence is bold; runs without a pose for some frames
+/// are excluded.
 fn compared(report: &Report, suite: Suite) -> String {
     let mut table = Table::new([
         "sequence",
@@ -122,19 +122,18 @@ fn compared(report: &Report, suite: Suite) -> String {
     )
 }
 
-/// An error that stands in a table.
 #[derive(Clone, Default)]
 struct Told {
-    /// m, or degrees.
+    /// m or degrees.
     rmse: Option<f64>,
-    /// How it is written: RMSE, and standard deviation.
+    /// Formatted: RMSE, and standard deviation.
     cells: Option<[String; 2]>,
 }
 
 /// A line of the comparison.
 struct Line {
     system: String,
-    /// Absolute error, and relative errors in place and turn.
+    /// Absolute error, relative translation and rotation errors.
     errors: [Told; 3],
     /// Whether every frame has a pose.
     is_whole: bool,
@@ -142,7 +141,7 @@ struct Line {
     source: String,
 }
 
-/// Factor and digits of the three errors in tables: mm, and degrees.
+/// Factor and number of decimals of the three errors in tables: mm, and degrees.
 const WRITTEN: [(f64, usize); 3] = [(1e3, 1), (1e3, 1), (1.0, 2)];
 
 impl Line {
@@ -272,7 +271,7 @@ fn own_errors(case: &Case) -> [Told; 3] {
     ]
 }
 
-/// Median and p95 of the time that a frame takes, each as the median over the runs.
+/// Median and p95 of the time per frame, each as the median over the runs.
 fn milliseconds(case: &Case) -> String {
     let figures = |run: &Summary| {
         if let Some(live) = &run.pace.live {
@@ -321,7 +320,7 @@ fn state(row: &Row, case: Option<&Case>) -> &'static str {
     }
 }
 
-/// What does not fit into the table.
+/// Remarks that do not fit into the table.
 fn notes(row: &Row) -> Vec<String> {
     let mut notes = Vec::new();
     for case in &row.cases {
@@ -331,7 +330,7 @@ fn notes(row: &Row) -> Vec<String> {
         };
         let mut add = |text: &str| notes.push(format!("- {label}: {text}\n"));
         if let Some(e) = &case.cell.error {
-            // A message of several lines would end the list.
+            // A line break would end the list.
             add(&e.split_whitespace().collect::<Vec<_>>().join(" "));
         }
         let Some(f) = &case.cell.figures else {

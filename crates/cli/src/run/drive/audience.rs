@@ -1,7 +1,6 @@
-//! Who listens to a pass: what counts, the sinks, and what says how far it is.
+//! Consumers of a pass: the tally, the sinks, and the progress output.
 //!
-//! Answers: how a sink that cannot go on stops a run. Inline and in a replay all are called one after the other, in a live run each has a queue
-//! and a thread.
+//! A sink that fails stops the run. Inline and in a replay all are called in turn; in a live run each has a queue and a thread.
 
 use crate::console;
 use crate::failure::Failure;
@@ -18,24 +17,20 @@ use stillpoint::live::{Delivery, LiveSystem, Subscribed};
 use stillpoint::map::MapView;
 use stillpoint::slam::{Event, Subscriber};
 
-/// Everybody who listens.
 pub(super) struct Audience {
     seats: Seats,
     stop: Stop,
-    /// Frames that could not be read.
     unread: usize,
-    /// The same for the progress line.
+    /// The same number, shared with the progress line.
     shown_unread: Arc<AtomicUsize>,
 }
 
 enum Seats {
-    /// In the thread of the stages.
     Here {
         tally: Box<Tally>,
         sinks: Vec<Seat<Listening>>,
         progress: ProgressLine,
     },
-    /// On threads of their own.
     Apart {
         tally: Subscribed<Rounds<(Tally, LossLine)>>,
         sinks: Vec<Seat<Subscribed<Rounds<Listening>>>>,
@@ -43,14 +38,14 @@ enum Seats {
     },
 }
 
-/// A sink that listens as `L`, or not at all.
+/// A sink wrapped as `L`, or unwrapped if it takes no events.
 enum Seat<L> {
     Silent(Box<dyn Sink>),
     Listens(L),
 }
 
 impl Audience {
-    /// In one thread, of a run over so many frames that begins with this map.
+    /// All in one thread; `frames` is the expected number of frames, `map` the initial map.
     pub(super) fn here(sinks: &mut Sinks, map: &Arc<MapView>, frames: Option<usize>) -> Self {
         let stop = Stop::default();
         let seat = |mut sink: Box<dyn Sink>| match sink.subscribe(map, None) {
@@ -71,10 +66,10 @@ impl Audience {
         }
     }
 
-    /// Each on a thread, of a live run.
+    /// Each on a thread, for a live run.
     ///
     /// # Errors
-    /// No more threads.
+    /// A thread that cannot be started.
     pub(super) fn apart(
         sinks: &mut Sinks,
         live: &mut LiveSystem,
@@ -114,12 +109,11 @@ impl Audience {
         })
     }
 
-    /// Asks that the run ends, when somebody cannot go on.
+    /// Set when a sink fails, to end the run.
     pub(super) fn stop(&self) -> &Stop {
         &self.stop
     }
 
-    /// Has those who have no threads hear events.
     pub(super) fn receive_all(&mut self, events: &[Event]) {
         if let Seats::Here {
             tally,
@@ -139,17 +133,16 @@ impl Audience {
         }
     }
 
-    /// Counts a frame that could not be read, and says so.
     pub(super) fn skip(&mut self, reason: &dyn Display) {
         console::warn(&format!("skipped: {reason}"));
         self.unread += 1;
         self.shown_unread.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// The pass is over: gives the sinks back, and what was counted. With it comes the failure of the first sink that could not go on, which is lost.
+    /// Ends the pass: returns the sinks and the tally, and the error of the first failed sink, which is dropped.
     ///
     /// # Errors
-    /// Nothing was counted.
+    /// The tally is lost.
     pub(super) fn leave(self, to: &mut Sinks) -> Result<(Tally, Result<(), Failure>), Failure> {
         let (mut tally, sinks) = match self.seats {
             Seats::Here {
@@ -168,7 +161,7 @@ impl Audience {
                 sinks,
                 progress,
             } => {
-                // The result is whole without the progress line, which waits for a terminal that was stopped.
+                // The result is complete without the progress line, which waits for a terminal that was stopped.
                 match returned(progress) {
                     Ok(progress) => progress.finish(),
                     Err(failure) => {
@@ -204,7 +197,7 @@ impl<L> Seat<L> {
     }
 }
 
-/// A sink that listens. After it failed once it takes no more, and asks that the run ends.
+/// A sink as a subscriber. After its first error it takes no more events, and asks that the run ends.
 struct Listening {
     sink: Box<dyn Sink>,
     failed: Option<Failure>,
@@ -220,7 +213,6 @@ impl Listening {
         }
     }
 
-    /// The sink, or why it could not go on.
     fn finish(self) -> Result<Box<dyn Sink>, Failure> {
         self.failed.map_or(Ok(self.sink), Err)
     }
@@ -238,7 +230,7 @@ impl Subscriber for Listening {
     }
 }
 
-/// A subscriber with a thread of its own: what it takes for an event is measured as a round of that thread.
+/// A subscriber on its own thread; its time per event is measured as a round of that thread.
 struct Rounds<S> {
     subscriber: S,
     timing: &'static Timing,
@@ -257,12 +249,10 @@ impl<S: Subscriber> Subscriber for Rounds<S> {
     }
 }
 
-/// A sink that listened to a live run that is over.
 fn rejoined(listening: Subscribed<Rounds<Listening>>) -> Result<Box<dyn Sink>, Failure> {
     returned(listening)?.finish()
 }
 
-/// A subscriber of a live run that is over.
 fn returned<S>(subscribed: Subscribed<Rounds<S>>) -> Result<S, Failure> {
     let subscriber = subscribed.join();
     subscriber.map(|s| s.subscriber).map_err(|reason| {

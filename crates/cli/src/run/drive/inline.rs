@@ -20,11 +20,10 @@ struct Inline {
 }
 
 impl Driver<'_> {
-    /// Runs the stream to its end, or until the user asks to stop.
+    /// Runs the stream to its end, or until interrupted.
     ///
     /// # Errors
-    /// A configuration out of range, a stream that fails for good, a stream without any readable frame, outputs that cannot
-    /// be written.
+    /// A configuration out of range, a stream that fails permanently or has no readable frame, outputs that cannot be written.
     pub(crate) fn drive(
         mut self,
         source: &mut dyn FrameSource,

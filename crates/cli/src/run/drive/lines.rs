@@ -1,4 +1,4 @@
-//! What is said while frames go by: how far the run is, and why the camera is lost.
+//! Messages during a run: its progress, and why tracking is lost.
 
 use crate::console::{self, Progress};
 use std::sync::Arc;
@@ -7,19 +7,16 @@ use stillpoint::imaging::FrameId;
 use stillpoint::live::Watch;
 use stillpoint::slam::{Event, Outcome, Subscriber};
 
-/// The progress line.
 pub(crate) struct ProgressLine {
     progress: Progress,
     frames: usize,
     without_pose: usize,
-    /// Frames that could not be read or were refused.
     skipped: Arc<AtomicUsize>,
-    /// In a live run, how it is.
+    /// The state of a live run.
     watch: Option<Watch>,
 }
 
 impl ProgressLine {
-    /// Of a run over so many frames.
     pub(crate) fn new(frames: Option<usize>) -> Self {
         Self {
             progress: Progress::new(frames),
@@ -30,7 +27,7 @@ impl ProgressLine {
         }
     }
 
-    /// Of a live run: it tells how the run is instead of drawing a bar. Of frames it may see only the newest.
+    /// For a live run: prints its state instead of a bar. It may see only the newest frames.
     pub(crate) fn of_live(frames: Option<usize>, watch: Watch) -> Self {
         Self {
             progress: Progress::new(frames).without_bar(),
@@ -39,12 +36,11 @@ impl ProgressLine {
         }
     }
 
-    /// Counts the frames that could not be read.
+    /// The count of unreadable frames, to be updated by the caller.
     pub(crate) fn skipped(&self) -> Arc<AtomicUsize> {
         Arc::clone(&self.skipped)
     }
 
-    /// Removes the line.
     pub(crate) fn finish(&self) {
         self.progress.finish();
     }
@@ -71,7 +67,7 @@ impl Subscriber for ProgressLine {
             }
         }
         match &health {
-            // Of a live run it sees the newest frames only, and cannot count; how things stand says whether the camera is lost.
+            // In a live run it sees only the newest frames and cannot count; the state says whether tracking is lost.
             Some(health) => note += &format!(" | {health}"),
             None if self.without_pose > 0 => note += &format!(", {} lost", self.without_pose),
             None => {}
@@ -81,13 +77,12 @@ impl Subscriber for ProgressLine {
     }
 }
 
-/// Time after which it is said why the camera is lost, s.
+/// Duration of a loss after which its reason is printed, s.
 const TELL_LOSS: f64 = 1.0;
 
-/// Says why the camera is lost, once, when that lasts.
+/// Prints why tracking is lost, once per loss.
 #[derive(Default)]
 pub(crate) struct LossLine {
-    /// The last loss that was reported.
     reported: Option<FrameId>,
 }
 

@@ -1,4 +1,4 @@
-//! A pass as that of a camera: every stage on a thread of its own.
+//! A live pass: every stage on its own thread, at camera rate.
 
 use crate::failure::Failure;
 use crate::priority;
@@ -18,30 +18,27 @@ use stillpoint::detection::Detector;
 use stillpoint::imaging::FrameSource;
 use stillpoint::live::{Hook, LiveOptions, LiveSystem, Played, Stage};
 
-/// Which frames of a live run are tracked, and what each of them may take.
+/// Frame selection of a live run, and its time budget.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Choice {
-    /// As it is written on the command line.
     pub(crate) name: &'static str,
-    /// A frame that comes too late gives way to the next one.
+    /// A late frame is dropped in favour of the next one.
     pub(crate) drops_late: bool,
-    /// What a frame may take, s.
     pub(crate) budget: Option<f64>,
 }
 
-/// What a run is driven with, unless a test says otherwise.
 fn options(choice: Choice, timing: &'static Timing) -> LiveOptions {
     LiveOptions {
         drop_late: choice.drops_late,
         budget: choice.budget,
         hook: Some(hook(timing)),
-        // As what else is not urgent.
+        // As other threads that are not urgent.
         subscriber_hook: Some(Arc::new(|_| priority::lower(Stage::Looping))),
         ..LiveOptions::default()
     }
 }
 
-/// What every thread does before it waits for its next message: set its priority once, and end a round of measuring.
+/// Hook that every thread calls before it waits for a message: sets its priority once, and ends a timing round.
 fn hook(timing: &'static Timing) -> Hook {
     thread_local! {
         static LOWERED: Cell<bool> = const { Cell::new(false) };
@@ -58,10 +55,10 @@ fn hook(timing: &'static Timing) -> Hook {
 }
 
 impl Driver<'_> {
-    /// Plays the stream at its pace, to its end or until the user asks to stop.
+    /// Plays the stream at its pace, to its end or until interrupted.
     ///
     /// # Errors
-    /// As [`Driver::drive`]; and no more threads.
+    /// Those of [`Driver::drive`], and threads that cannot be started.
     pub(crate) fn drive_live(
         self,
         source: &mut dyn FrameSource,
@@ -106,12 +103,11 @@ struct Live<'a> {
     detector: DetectorJson,
     /// From the first frame to the last, s.
     seconds: f64,
-    /// By how much frames came too late, s.
     late: Vec<f64>,
 }
 
 impl Engine for Live<'_> {
-    /// All of the stream: it comes at its own pace.
+    /// Processes the whole stream, since it sets its own pace.
     fn step(
         &mut self,
         source: &mut dyn FrameSource,
@@ -167,7 +163,7 @@ mod tests {
     use stillpoint::simulator::{Simulator, SimulatorConfig};
     use stillpoint::slam::{Config, Loops, Replay, Stages};
 
-    /// A detector that does this with every frame.
+    /// A detector that calls this function for every frame.
     struct Does(fn());
 
     impl Detector for Does {
@@ -185,10 +181,10 @@ mod tests {
         }
     }
 
-    /// Longer than any thread that ends at all takes to do so, however busy the machine is.
+    /// Longer than any thread takes to end on a busy machine.
     const PATIENT: Duration = Duration::from_secs(600);
 
-    /// A run of a few frames with this detector, in which each thread does this before it waits.
+    /// Runs a few frames with this detector; each thread calls `before` before it waits.
     fn run(detector: fn(), before: fn(Stage), patience: Duration) -> Session {
         let simulator = Simulator::new(&SimulatorConfig {
             scene: "xyz".to_owned(),
@@ -236,7 +232,7 @@ mod tests {
 
     #[test]
     fn a_detector_that_hangs_or_panics_costs_only_what_it_would_have_said() {
-        // The run goes on once the detector hangs, so no time has to pass for it to be given up.
+        // The run continues once the detector hangs, so that giving up on it needs no waiting time.
         static HANGS: OnceLock<()> = OnceLock::new();
         let hang = || {
             HANGS.get_or_init(|| ());

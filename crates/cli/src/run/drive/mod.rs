@@ -1,7 +1,7 @@
 //! One pass of a stream of frames through the system.
 //!
-//! Answers: which frames went in, which came out with a pose, what the map was in the end. Knows nothing of where the
-//! frames come from or where results go. [`Driver::pass`] is the one loop; [`inline`], [`live`] and [`replay`] say what a step of it is.
+//! [`Driver::pass`] is the common loop; [`inline`], [`live`] and [`replay`] implement its step. Independent of the source of the frames and
+//! of the outputs.
 
 mod audience;
 mod inline;
@@ -23,43 +23,42 @@ use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::map::Map;
 use stillpoint::slam::{Config, MapUse, Stages};
 
-/// Means of a pass.
 pub(crate) struct Driver<'a> {
     pub(crate) config: Config,
     pub(crate) camera: Camera,
-    /// The inertial sensor that is fixed to it, if it is to be listened to.
+    /// The inertial sensor fixed to the camera, if used.
     pub(crate) imu: Option<ImuModel>,
-    /// The odometry of the base that carries it, if it is to be listened to.
+    /// The odometry of the base that carries it, if used.
     pub(crate) odometry: Option<OdometryModel>,
     pub(crate) simd: Simd,
     pub(crate) timing: &'static Timing,
     pub(crate) interrupt: &'a Interrupt,
     pub(crate) detector: Option<Box<dyn Detector>>,
-    /// A map to begin with, and what is done with it.
+    /// The initial map, and how it is used.
     pub(crate) map: Option<(Map, MapUse)>,
 }
 
-/// What carries a pass out.
 trait Engine {
-    /// Takes what comes next of the stream. False: there is nothing more.
+    /// Processes the next part of the stream; false at its end.
     ///
     /// # Errors
-    /// A stream that fails for good, or is not that of a log.
+    /// A stream that fails permanently, or does not match the log.
     fn step(
         &mut self,
         source: &mut dyn FrameSource,
         audience: &mut Audience,
     ) -> Result<bool, Failure>;
 
-    /// Ends what is under way.
+    /// Completes pending work.
     fn end(self, audience: &mut Audience, interrupted: bool) -> End;
 }
 
 impl Driver<'_> {
-    /// Lets the stream go by, to its end or until the user asks to stop or a sink cannot go on.
+    /// Processes the stream to its end, or until interrupted or a sink fails.
     ///
     /// # Errors
-    /// A stream that fails for good, a stream without any readable frame, outputs that cannot be written. Sinks keep then what they can.
+    /// A stream that fails permanently or has no readable frame, outputs that cannot be written. The sinks then save their data where
+    /// possible.
     fn pass(
         &self,
         mut engine: impl Engine,
@@ -96,7 +95,6 @@ impl Driver<'_> {
         Ok(())
     }
 
-    /// The stages, with the map that is there before the first frame.
     fn stages(&mut self, live: bool) -> Result<Stages, Failure> {
         let stages =
             Stages::new(self.config.clone(), self.camera, self.simd).map_err(Failure::input)?;
@@ -115,7 +113,6 @@ impl Driver<'_> {
         }
     }
 
-    /// Whether any frame went through the system.
     fn check_frames(&self, tally: &Tally) -> Result<(), Failure> {
         match tally.frames {
             0 if self.interrupt.requested() => Err(Failure::criteria(

@@ -1,4 +1,4 @@
-//! A pass as the log of a run has it.
+//! A pass that follows the log of a run.
 
 use crate::failure::Failure;
 use crate::run::drive::audience::Audience;
@@ -14,7 +14,6 @@ use stillpoint::slam::{LogEntry, Replay, RunLog};
 
 struct Repetition {
     replay: Replay,
-    /// The digest of the trajectory of the run.
     expected: u64,
     detector: DetectorJson,
     timing: &'static Timing,
@@ -22,11 +21,11 @@ struct Repetition {
 }
 
 impl Driver<'_> {
-    /// Carries out a log, to its end or until the user asks to stop. The session says whether the trajectory is that of the
-    /// run. `detector` is what that had.
+    /// Replays a log, to its end or until interrupted. The session says whether the trajectory equals that of the run. `detector` describes
+    /// the run's detector.
     ///
     /// # Errors
-    /// As [`Driver::drive`]; and a log that does not fit the stages or the frames.
+    /// Those of [`Driver::drive`], and a log that does not match the stages or the frames.
     pub(crate) fn drive_replay(
         mut self,
         source: &mut dyn FrameSource,
@@ -62,7 +61,7 @@ impl Engine for Repetition {
             return Ok(false);
         };
         audience.receive_all(&events);
-        // Every message is a round of its own, as on the threads of a live run.
+        // Each message is a timing round, as on the threads of a live run.
         if events.iter().any(|event| event.as_frame().is_some()) {
             self.timing.end_frame();
         } else {
@@ -90,7 +89,6 @@ impl Engine for Repetition {
     }
 }
 
-/// A source for which it is measured how long it is waited for.
 struct Waited<'a>(&'a mut dyn FrameSource);
 
 impl FrameSource for Waited<'_> {

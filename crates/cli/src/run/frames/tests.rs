@@ -70,14 +70,14 @@ fn losses_have_a_reason_a_length_and_an_end() {
     assert_eq!(lost[1].reason, "fewer than 30 inliers");
 }
 
-/// Pictures, pages and `frames.csv` have their words from one place.
+/// Images, pages and `frames.csv` share their wording.
 #[test]
 fn words_are_those_of_the_reports() {
     let carried = Outcome::Carried { since: FrameId(8) };
     let mut reports = [
         report(0, Outcome::Initialised, Some(0), 200),
         report(1, Outcome::Tracked, Some(0), 150),
-        // Much moves, and little holds the pose.
+        // Many moving keypoints, few inliers.
         report(2, Outcome::Tracked, Some(0), 40),
         report(3, Outcome::Tracked, Some(0), 29),
         report(4, carried, Some(0), 3),
@@ -112,7 +112,7 @@ fn states_follow_what_became_of_the_frames_later() {
         report.undecided = (i < 3).then_some(0.1);
         frames.take(&report);
     }
-    // Frame 1 was withdrawn, and frame 2 has a pose now.
+    // Frame 1 was revoked, and frame 2 has a pose instead.
     let entry = |i: u32, inliers| TrajectoryEntry {
         carried: false,
         frame: FrameId(i),

@@ -1,54 +1,47 @@
-//! The detector of a run as it stands in `summary.json` and in run logs.
+//! The detector of a run, for `summary.json` and run logs.
 
 use serde::{Deserialize, Serialize};
 use stillpoint::detection::{Detector, DetectorInfo, DetectorKind, NoDetector};
 
-/// What the detector was, so that a result says what it came from, and what it did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct DetectorJson {
     /// `none`, `scripted` or `onnx`.
     pub(crate) kind: String,
     /// File of the model or script; empty for none.
     pub(crate) name: String,
-    /// SHA-256 of that file.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) sha256: Option<String>,
-    /// What ran the model, with its version.
+    /// Runtime of the model, with its version.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) runtime: Option<String>,
-    /// How the model's outputs were read.
+    /// Decoder of the model's outputs.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) head: Option<String>,
     /// Width and height of the model's input, px.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) input_px: Option<(usize, usize)>,
-    /// Threads of the model.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) threads: Option<usize>,
-    /// The library that ran it, where that is not built in.
+    /// The library that ran it, unless built in.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) library: Option<String>,
-    /// Frames it answered for.
     pub(crate) frames: usize,
-    /// Detections in them.
     pub(crate) detections: usize,
-    /// Those of them that nobody looked at, since there were so many in one frame.
+    /// Detections that were ignored because there were too many in one frame.
     #[serde(skip_serializing_if = "is_none", default)]
     pub(crate) left_out: usize,
-    /// Frames it failed on.
     pub(crate) failed_frames: usize,
     /// Answers that came too late to be used.
     #[serde(default)]
     pub(crate) too_late: u64,
-    /// Answers that could not be used because their frame has no pose.
+    /// Answers that were unusable because their frame has no pose.
     #[serde(default)]
     pub(crate) without_pose: u64,
-    /// What the user should know of it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) remark: Option<String>,
 }
 
-/// Whether a count is worth no line.
+/// Zero counts are not written.
 #[expect(
     clippy::trivially_copy_pass_by_ref,
     reason = "serde hands over references"
@@ -58,7 +51,6 @@ fn is_none(count: &usize) -> bool {
 }
 
 impl DetectorJson {
-    /// Of this detector, or of none.
     pub(crate) fn of(detector: Option<&dyn Detector>) -> Self {
         Self::new(&detector.map_or_else(|| NoDetector.info(), Detector::info))
     }
@@ -81,7 +73,7 @@ impl DetectorJson {
         }
     }
 
-    /// What `of` was, with these counts.
+    /// `of` with the counts of `self`.
     pub(crate) fn counts_of(&self, of: Self) -> Self {
         Self {
             frames: self.frames,
@@ -94,7 +86,6 @@ impl DetectorJson {
         }
     }
 
-    /// What ran and how, of a network.
     pub(crate) fn network(&self) -> Option<String> {
         let runtime = self.runtime.as_ref()?;
         let mut parts = Vec::new();
@@ -112,7 +103,7 @@ impl DetectorJson {
         Some(parts.join(", "))
     }
 
-    /// Whether it failed on every frame: a result without the detector that was asked for is no success.
+    /// Whether it failed on every frame, which makes the run a failure.
     pub(crate) fn never_answered(&self) -> bool {
         self.failed_frames > 0 && self.frames == 0
     }

@@ -1,4 +1,4 @@
-//! What a run made of its inertial sensor.
+//! Figures of the inertial sensor.
 
 use crate::console;
 use serde::{Deserialize, Serialize};
@@ -7,48 +7,43 @@ use std::fmt::Write;
 use stillpoint::map::SubmapId;
 use stillpoint::slam::{FrameReport, InertialState, Outcome};
 
-/// A mount is mentioned only when it is off by more than this, rad: a degree.
+/// Minimum deviation of the mount that is reported, rad: a degree.
 const TELLING_TURN: f64 = 0.0175;
-/// A clock is mentioned only when it is off by more than this, s.
 const TELLING_OFFSET: f64 = 2e-3;
-/// A mount or clock is mentioned only when it is off by more than this many standard deviations.
+/// Minimum deviation of mount or clock that is reported, in standard deviations.
 const CERTAIN: f64 = 4.0;
 
-/// The inertial sensor, as known in the end.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct InertialJson {
     /// `confirmed`, `not confirmed yet`, or why it is ignored.
     pub(crate) state: String,
-    /// Frames in which it was ignored.
     pub(crate) ignored_frames: usize,
-    /// Frames whose direction it carried.
+    /// Number of frames whose rotation it predicted.
     pub(crate) carried_frames: usize,
-    /// The gyroscope's bias, in its axes, rad/s.
+    /// Gyroscope bias, in its axes, rad/s.
     pub(crate) gyro_bias: [f64; 3],
-    /// Its standard deviation, rad/s.
     pub(crate) gyro_bias_sigma: f64,
-    /// How the sensor stands to the camera, as estimated: a quaternion x y z w that turns its axes to the camera's.
+    /// Estimated rotation from the sensor's axes to the camera's, a quaternion x y z w.
     pub(crate) rotation: [f64; 4],
-    /// By how much that differs from what was stated, rad.
+    /// Deviation from the stated rotation, rad.
     pub(crate) rotation_error: f64,
     /// Its standard deviation about an axis, rad.
     pub(crate) rotation_sigma: f64,
-    /// What is to be added to the sensor's stamps, as estimated, s.
+    /// Estimated offset to add to the sensor's stamps, s.
     pub(crate) time_offset: f64,
-    /// By how much that differs from what was stated, s.
+    /// Deviation from the stated offset, s.
     pub(crate) time_offset_error: f64,
-    /// Its standard deviation, s.
     pub(crate) time_offset_sigma: f64,
-    /// The direction that points up in the trajectory's world; absent where it is not known.
+    /// Up direction in the trajectory's world; absent if unknown.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) up: Option<[f64; 3]>,
-    /// The same in the world of each submap, as last known.
+    /// Last known up direction in the world of each submap.
     #[serde(skip)]
     ups: BTreeMap<SubmapId, [f64; 3]>,
 }
 
 impl InertialJson {
-    /// Takes a frame's report, if it says something of a sensor. A sensor that is not listened to any more is told at once.
+    /// Takes a frame's report, if it concerns a sensor. Reports at once when the sensor becomes ignored.
     pub(crate) fn take(known: &mut Option<Self>, report: &FrameReport) {
         let Some(said) = &report.inertial else {
             return;
@@ -82,12 +77,11 @@ impl InertialJson {
         json.state = state;
     }
 
-    /// At the end, when it is known which submap's world is that of the trajectory.
+    /// Sets the up direction of the trajectory's submap, at the end.
     pub(crate) fn settle(&mut self, submap: Option<SubmapId>) {
         self.up = submap.and_then(|id| self.ups.get(&id).copied());
     }
 
-    /// One line for the end of a run.
     pub(crate) fn line(&self) -> String {
         let degrees = self.gyro_bias.map(|b| b.to_degrees());
         let [x, y, z] = degrees;
@@ -103,7 +97,7 @@ impl InertialJson {
         )
     }
 
-    /// What was stated of mount and clock and is not so, with what to state instead.
+    /// Stated mount and clock values that the estimate contradicts, with the values to state instead.
     fn stated_wrongly(&self) -> String {
         let mut said = String::new();
         if self.rotation_error > TELLING_TURN.max(CERTAIN * self.rotation_sigma) {

@@ -1,4 +1,4 @@
-//! The figures of a run as they stand in `summary.json`, written by `run` and `demo`, read by `bench`.
+//! The figures of a run as in `summary.json`, written by `run` and `demo`, read by `bench`.
 
 pub(crate) mod detector;
 pub(crate) mod inertial;
@@ -22,16 +22,14 @@ use stillpoint::evaluation::timing::Stats;
 use stillpoint::map::MapView;
 use stillpoint::slam::{FrameCounts, LoopOutcome, LoopReport};
 
-/// All figures of one run, in the order of the file: each part stands where its fields stood when they were one list.
+/// All figures of one run. The flattened parts keep the order of the fields in the file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Summary {
-    /// What was run on.
     pub(crate) input: Input,
     #[serde(flatten)]
     pub(crate) tracking: TrackingJson,
     #[serde(flatten)]
     pub(crate) stages: StagesJson,
-    /// True when the user ended the run early.
     pub(crate) interrupted: bool,
     #[serde(flatten)]
     pub(crate) map: MapJson,
@@ -39,76 +37,58 @@ pub(crate) struct Summary {
     pub(crate) kept: KeptJson,
     #[serde(flatten)]
     pub(crate) pace: PaceJson,
-    /// Instruction set of the kernels.
     pub(crate) simd: String,
-    /// Where it ran, and the program's version.
     pub(crate) machine: Machine,
-    /// Against the ground truth, where there is any.
+    /// Against the ground truth, if any.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) accuracy: Option<Accuracy>,
-    /// What other outputs say of themselves, by their names.
+    /// Sections of other outputs, by name.
     #[serde(flatten)]
     pub(crate) sections: BTreeMap<String, Value>,
 }
 
-/// Which frames were tracked.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct TrackingJson {
-    /// Frames that went through the system.
     pub(crate) frames: usize,
-    /// Frames that could not be read and were skipped.
     pub(crate) skipped: usize,
-    /// Frames with a pose in `trajectory.txt`.
+    /// Number of frames with a pose in `trajectory.txt`.
     pub(crate) tracked: usize,
-    /// Of these, frames that were tracked while it was undecided who moves.
+    /// Tracked frames in which it was undecided which regions move.
     #[serde(default)]
     pub(crate) undecided: usize,
-    /// The camera's rolling shutter.
     #[serde(default)]
     pub(crate) readout: ReadoutJson,
-    /// Stretches of frames without a pose.
     pub(crate) lost: Vec<LostStretch>,
-    /// Stretches of frames that repeat an image.
     #[serde(default)]
     pub(crate) still: Vec<StillStretch>,
-    /// The submaps that frames have poses in; the first is that of `trajectory.txt`.
+    /// The submaps with frame poses; the first is that of `trajectory.txt`.
     #[serde(default)]
     pub(crate) submaps: Vec<SubmapJson>,
 }
 
-/// What the stages and sensors beside tracking did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct StagesJson {
-    /// The object detector.
     #[serde(default)]
     pub(crate) detector: DetectorJson,
-    /// The static filter's verdicts.
     #[serde(default)]
     pub(crate) features: FeaturesJson,
-    /// What became of the candidates for loops.
     #[serde(default)]
     pub(crate) loops: LoopsJson,
-    /// The inertial sensor, where there was one.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) inertial: Option<InertialJson>,
-    /// The odometry, where there was any.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) odometry: Option<OdometryJson>,
 }
 
-/// The final map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct MapJson {
-    /// Keyframes.
     pub(crate) keyframes: usize,
-    /// Landmarks.
     pub(crate) landmarks: usize,
-    /// Versions of the map that the mapper published.
+    /// Number of versions published by the mapper.
     pub(crate) map_versions: u64,
 }
 
 impl MapJson {
-    /// Of a map.
     pub(crate) fn of(view: &MapView) -> Self {
         Self {
             keyframes: view.keyframe_count(),
@@ -118,102 +98,83 @@ impl MapJson {
     }
 }
 
-/// What outputs that the report speaks of left.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct KeptJson {
-    /// Where the map was saved.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) map: Option<SavedMap>,
-    /// The surface of `--dense`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) dense: Option<DenseJson>,
 }
 
-/// How long it took, and how much memory.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PaceJson {
     /// From the first frame to the last, s, reading included.
     pub(crate) seconds: f64,
     /// Milliseconds per frame of each stage, over the frames in which it ran.
     pub(crate) timing_ms: Vec<StageTiming>,
-    /// What was measured of a live run.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) live: Option<LiveJson>,
-    /// Largest amount of memory held, bytes; absent where the system does not say.
+    /// Peak memory, bytes; absent where the system does not report it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) peak_memory_bytes: Option<u64>,
 }
 
-/// A camera's rolling shutter, as estimated in the end or as stated.
+/// Readout of the rolling shutter, as estimated or as stated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ReadoutJson {
     /// Time from the exposure of the first row to that of the last, s.
     pub(crate) seconds: f64,
-    /// Its standard deviation, s; 0 where it is stated.
+    /// Its standard deviation, s; 0 if stated.
     pub(crate) sigma: f64,
 }
 
-/// What was run on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Input {
     /// Folder or scene.
     pub(crate) name: String,
     /// Layout, or `simulated`.
     pub(crate) layout: String,
-    /// Where the camera comes from.
     pub(crate) camera: String,
 }
 
-/// Frames without a pose.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct LostStretch {
-    /// First frame.
     pub(crate) first: u32,
-    /// Last frame.
     pub(crate) last: u32,
-    /// Why the first of them has no pose.
     pub(crate) reason: String,
     /// From the first of them to the next frame with a pose, s.
     #[serde(default)]
     pub(crate) seconds: f64,
-    /// What ended it: `found again`, `a map began`, `the end`.
+    /// How it ended: `found again`, `a map began`, `the end`.
     #[serde(default)]
     pub(crate) then: String,
 }
 
-/// A submap of the final map, in a frame of reference of its own.
+/// A submap of the final map, with its own frame of reference.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct SubmapJson {
-    /// The keyframe that began it.
     pub(crate) id: u32,
-    /// Frames with a pose in it.
     pub(crate) frames: usize,
-    /// Keyframes.
     pub(crate) keyframes: usize,
-    /// The file of their poses.
     pub(crate) trajectory: String,
 }
 
-/// Sums over all frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FeaturesJson {
-    /// Extracted keypoints.
     pub(crate) keypoints: u64,
-    /// Keypoints rejected because they move.
+    /// Keypoints rejected as moving.
     pub(crate) dynamic: u64,
-    /// Their share of all keypoints, 0 to 1.
     pub(crate) dynamic_share: f64,
-    /// Keypoints that seemed to move and were used all the same because too few others were left.
+    /// Keypoints judged as moving but used because too few others were left.
     pub(crate) released: u64,
-    /// Landmarks taken out of the map because late detections said that they move.
+    /// Landmarks removed from the map because late detections showed that they move.
     pub(crate) rejudged_landmarks: u64,
-    /// Keyframes of the first frames of a map that were taken back, as these had ridden on what moves.
+    /// Keyframes from the first frames of a map that were revoked because their poses followed moving objects.
     #[serde(default)]
     pub(crate) revoked_keyframes: u64,
 }
 
 impl FeaturesJson {
-    /// Adds a frame.
     pub(crate) fn add(&mut self, counts: &FrameCounts) {
         self.keypoints += u64::from(counts.keypoints);
         self.dynamic += u64::from(counts.dynamic);
@@ -222,21 +183,19 @@ impl FeaturesJson {
     }
 }
 
-/// What became of the candidates for loops.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct LoopsJson {
     /// Loops that corrected the map.
     pub(crate) closed: u32,
-    /// Submaps that became part of another.
+    /// Submaps that were joined to another.
     #[serde(default)]
     pub(crate) joined: u32,
-    /// Keyframes that looked like older ones, of which too little said that they show the same place. Most of them do not.
+    /// Candidates rejected for lack of evidence that both keyframes show the same place. Most of them do not.
     #[serde(alias = "rejected")]
     pub(crate) set_aside: u32,
 }
 
 impl LoopsJson {
-    /// Counts a report.
     pub(crate) fn add(&mut self, report: &LoopReport) {
         match report.outcome {
             LoopOutcome::Closed if report.joined.is_some() => self.joined += 1,
@@ -251,17 +210,11 @@ impl LoopsJson {
 pub(crate) struct StageTiming {
     /// Name of its span.
     pub(crate) stage: String,
-    /// Frames in which it ran.
     pub(crate) n: usize,
-    /// Median, ms.
     pub(crate) median: f64,
-    /// 95th percentile, ms.
     pub(crate) p95: f64,
-    /// 99th percentile, ms.
     pub(crate) p99: f64,
-    /// Largest, ms.
     pub(crate) max: f64,
-    /// Mean, ms.
     pub(crate) mean: f64,
 }
 

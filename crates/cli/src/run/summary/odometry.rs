@@ -1,26 +1,24 @@
-//! What a run made of its odometry.
+//! Figures of the wheel odometry.
 
 use crate::console;
 use serde::{Deserialize, Serialize};
 use stillpoint::slam::{FrameReport, OdometryState, Outcome};
 
-/// The odometry, as known in the end.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct OdometryJson {
     /// `confirmed`, `not confirmed yet`, or why it is ignored.
     pub(crate) state: String,
-    /// Samples that were used: in order of time, and of poses.
+    /// Number of used samples: those in time order, and poses.
     pub(crate) samples: u64,
-    /// Frames in which it was ignored.
     pub(crate) ignored_frames: usize,
-    /// Frames over which the camera was carried while it was believed.
+    /// Frames without a visual pose in which the odometry, while confirmed, propagated the camera.
     pub(crate) carried_frames: usize,
-    /// How often the wheels were seen to slip.
+    /// Number of detected wheel slips.
     pub(crate) slips: u32,
 }
 
 impl OdometryJson {
-    /// Takes a frame's report, if it says something of odometry. Odometry that is not listened to any more is told at once.
+    /// Takes a frame's report, if it concerns odometry. Reports at once when the odometry becomes ignored.
     pub(crate) fn take(known: &mut Option<Self>, report: &FrameReport) {
         let Some(said) = &report.odometry else {
             return;
@@ -40,7 +38,6 @@ impl OdometryJson {
         json.state = state;
     }
 
-    /// One line for the end of a run.
     pub(crate) fn line(&self) -> String {
         let mut said = format!("odometry: {}; {} samples", self.state, self.samples);
         if self.slips > 0 {

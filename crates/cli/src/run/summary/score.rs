@@ -1,4 +1,4 @@
-//! Errors against the ground truth, as they stand in `summary.json`.
+//! Errors against the ground truth, for `summary.json`.
 
 use serde::{Deserialize, Serialize};
 use stillpoint::evaluation::{Drift, Evaluation, Rpe, Score, Statistics};
@@ -6,38 +6,29 @@ use stillpoint::evaluation::{Drift, Evaluation, Rpe, Score, Statistics};
 /// Scores of the final poses and of the poses as known at each frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Accuracy {
-    /// After all corrections.
     #[serde(rename = "final")]
     pub(crate) final_poses: ScoreJson,
-    /// As known at each frame.
     pub(crate) online: ScoreJson,
 }
 
-/// A score, in metres and degrees.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub(crate) enum ScoreJson {
-    /// The camera moves.
     Moving(MovingJson),
-    /// The camera stands still in the ground truth.
     Fixed(FixedJson),
 }
 
-/// Absolute and relative error.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct MovingJson {
-    /// Poses with ground truth.
     pub(crate) pairs: usize,
-    /// Absolute error, m.
     pub(crate) ate: StatisticsJson,
     /// Relative error; absent when the trajectory is shorter than the delta.
     pub(crate) rpe: Option<RpeJson>,
-    /// Scale of the alignment, when it was asked for.
+    /// Scale of the alignment, if requested.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) scale: Option<f64>,
 }
 
-/// Drift of a camera that stands still.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FixedJson {
     /// Distance from the first pose, m.
@@ -48,12 +39,10 @@ pub(crate) struct FixedJson {
     pub(crate) rotation_deg: StatisticsJson,
 }
 
-/// Relative error.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct RpeJson {
-    /// What it was taken over, e.g. `1s`, `30f`.
+    /// The interval, e.g. `1s`, `30f`.
     pub(crate) delta: String,
-    /// Pairs of poses.
     pub(crate) pairs: usize,
     /// m per delta.
     pub(crate) translation: StatisticsJson,
@@ -61,18 +50,12 @@ pub(crate) struct RpeJson {
     pub(crate) rotation_deg: StatisticsJson,
 }
 
-/// Statistics of errors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct StatisticsJson {
-    /// Root of the mean square.
     pub(crate) rmse: f64,
-    /// Standard deviation.
     pub(crate) sd: f64,
-    /// Mean.
     pub(crate) mean: f64,
-    /// Median.
     pub(crate) median: f64,
-    /// Largest.
     pub(crate) max: f64,
 }
 
@@ -100,7 +83,7 @@ impl From<&Rpe> for RpeJson {
 }
 
 impl ScoreJson {
-    /// The scale is reported when it was asked for.
+    /// `with_scale`: whether the alignment estimated a scale.
     pub(crate) fn new(score: &Score, with_scale: bool) -> Self {
         match score {
             Score::Moving(e) => Self::Moving(MovingJson::new(e, with_scale)),

@@ -1,10 +1,10 @@
-//! Images that stood still, as they stand in `summary.json`.
+//! Repeated images, for `summary.json`.
 
 use super::LostStretch;
 use serde::{Deserialize, Serialize};
 use stillpoint::imaging::Still;
 
-/// What stood still.
+/// Which images are repeated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum StillJson {
@@ -13,9 +13,9 @@ pub(crate) enum StillJson {
     Depth,
     /// The colour image: its frames have no pose.
     Colour,
-    /// Both: the stream hung, and its frames have no pose.
+    /// Both, because the stream hung: its frames have no pose.
     Frame,
-    /// Both, of a source without noise.
+    /// Both, from a source without noise that stands still.
     Rest,
 }
 
@@ -30,23 +30,18 @@ impl From<Still> for StillJson {
     }
 }
 
-/// Frames that repeat an image of the one before.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct StillStretch {
-    /// Which image.
     pub(crate) what: StillJson,
-    /// First frame.
     pub(crate) first: u32,
-    /// Last frame.
     pub(crate) last: u32,
-    /// How often the image was repeated.
     pub(crate) frames: u32,
-    /// For how long, s.
+    /// Duration, s.
     pub(crate) seconds: f64,
 }
 
 impl StillStretch {
-    /// Frames without a pose for this reason.
+    /// Number of frames without a pose for this reason.
     pub(crate) fn passed_over(&self) -> usize {
         let none = matches!(self.what, StillJson::Colour | StillJson::Frame);
         if none {

@@ -1,4 +1,4 @@
-//! What boxes alone say, and what they do not.
+//! Tests of localisation by boxes alone.
 
 use super::super::look::{Grid, Look, Sighting};
 use super::*;
@@ -10,13 +10,13 @@ const FLOOR: Floor = Floor {
     offset: 0.0,
 };
 
-/// A camera at a place 1.2 m above the floor, that looks along y and a little down.
+/// A camera at a position 1.2 m above the floor, looking along y and slightly down.
 fn pose(x: f64, y: f64) -> Se3 {
     let ahead = so3::exp(&(-Vec3::x() * (0.5 * PI + 0.2)));
     Se3::new(ahead, Vec3::new(x, y, 1.2))
 }
 
-/// The box of a chair whose middle is at a place, 0.5 m wide, 0.6 m deep and 1 m high, in a camera.
+/// The box of a chair with this centre, 0.5 m wide, 0.6 m deep and 1 m high, in a camera.
 fn seen_from(grid: &Grid, pose: &Se3, at: [f64; 2]) -> [f32; 4] {
     let far = f64::INFINITY;
     let mut b = [far, far, -far, -far];
@@ -38,7 +38,7 @@ fn seen_from(grid: &Grid, pose: &Se3, at: [f64; 2]) -> [f32; 4] {
     b.map(|v| v as f32)
 }
 
-/// What a camera keeps of a chair with this box; the depth is the same everywhere, mm.
+/// The view of a chair with this box; uniform depth, mm.
 fn look(grid: &Grid, pose: &Se3, bounds: [f32; 4], depth: u16) -> Look {
     Look {
         stamp: 0.0,
@@ -61,7 +61,7 @@ fn look(grid: &Grid, pose: &Se3, bounds: [f32; 4], depth: u16) -> Look {
     }
 }
 
-/// Finds a chair from some places along x, by the boxes of a chair that is at `chair` in each look, with a wall behind it at `wall` m or no depth.
+/// Locates a chair from positions `xs` along x; it is at `chair` in each view, with a wall behind it at `wall` m or no depth.
 fn found(xs: &[f64], chair: impl Fn(usize) -> [f64; 2], wall: Option<f64>) -> Option<Vec3> {
     let grid = Grid::new(&Camera::pinhole(640, 480, [525.0, 525.0, 320.0, 240.0]));
     let poses: Vec<Se3> = xs.iter().map(|x| pose(*x, 0.0)).collect();
@@ -101,7 +101,7 @@ fn a_black_chair_is_where_its_boxes_say() {
 fn boxes_that_do_not_agree_say_nothing() {
     let two = |i: usize| [if i.is_multiple_of(2) { -0.4 } else { 0.5 }, 2.6];
     assert!(found(&PASSING, two, None).is_none());
-    // From one place its distance is that of the usual size, and that is not enough.
+    // From a single place only the usual size gives the distance, which is not accepted.
     assert!(found(&[0.0; 7], |_| [0.3, 2.6], None).is_none());
     assert!(found(&PASSING[..3], |_| [0.3, 2.6], None).is_none());
 }
@@ -109,7 +109,7 @@ fn boxes_that_do_not_agree_say_nothing() {
 #[test]
 fn what_is_seen_through_is_no_chair() {
     assert!(found(&PASSING, |_| [0.3, 2.6], Some(4.0)).is_none());
-    // The control: something that is at its place.
+    // Control: a surface at its place.
     assert!(found(&PASSING, |_| [0.3, 2.6], Some(2.6)).is_some());
 }
 

@@ -1,19 +1,18 @@
-//! Where the shared library of ONNX Runtime may be. Looks at names of files only: runs nothing, not even Python, and loads
-//! nothing, so that a candidate may still be too old or for another machine.
+//! Possible paths of the shared library of ONNX Runtime. Reads file names only: runs nothing, not even Python, and loads nothing, so a
+//! candidate may still be too old or for another architecture.
 
 use std::collections::BTreeSet;
 use std::env::consts;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// See [`OnnxRuntime::candidates`](super::OnnxRuntime::candidates).
 pub(super) fn candidates(environment: &dyn Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
     let executable = std::env::current_exe().ok();
     let beside = executable.as_deref().and_then(Path::parent);
     search(environment, beside, &system_folders(), &NAMES)
 }
 
-/// How the library's file is called: `start`, then `end`, with the version in between or behind.
+/// File name of the library: `start`, then `end`, with the version in between or behind.
 struct Names {
     start: &'static str,
     end: &'static str,
@@ -40,7 +39,7 @@ const NAMES: Names = if cfg!(windows) {
 };
 
 impl Names {
-    /// The numbers of a library's version, none for a name without; `None` for other files.
+    /// Version of a library's file name, empty if without one; `None` for other files.
     fn version(&self, name: &str) -> Option<Vec<u64>> {
         let rest = name.strip_prefix(self.start)?;
         // libonnxruntime.so.1.31.1, or libonnxruntime.1.31.1.dylib.
@@ -54,7 +53,6 @@ impl Names {
     }
 }
 
-/// The numbers of e.g. `3.11`.
 fn numbers(text: &str) -> Option<Vec<u64>> {
     text.split('.').map(|n| n.parse().ok()).collect()
 }
@@ -69,7 +67,7 @@ fn search(
     let path = |name: &str| variable(name).map(PathBuf::from);
     let paths = |name: &str| -> Vec<PathBuf> {
         let value = variable(name).unwrap_or_default();
-        // An empty entry means the working directory, which anybody may have filled.
+        // An empty entry denotes the working directory, which is not trusted.
         std::env::split_paths(&value)
             .filter(|p| p.is_absolute())
             .collect()
@@ -111,7 +109,7 @@ fn search(
     found
 }
 
-/// The libraries in a folder, newest first; names without a version, which are links mostly, last.
+/// The libraries in a folder, newest first; names without a version, which are mostly links, last.
 fn libraries(folder: &Path, names: &Names) -> Vec<PathBuf> {
     let mut found: Vec<(Vec<u64>, PathBuf)> = entries(folder)
         .filter_map(|(name, file)| Some((names.version(&name)?, file)))
@@ -121,7 +119,7 @@ fn libraries(folder: &Path, names: &Names) -> Vec<PathBuf> {
     found.into_iter().map(|(_, file)| file).collect()
 }
 
-/// Where the Python installed under this prefix keeps the library.
+/// Folders of the library in the Python installed under this prefix.
 fn in_python(prefix: &Path) -> Vec<PathBuf> {
     // Windows, and Debian's own packages.
     let mut packages = vec![
@@ -136,13 +134,13 @@ fn in_python(prefix: &Path) -> Vec<PathBuf> {
     packages.iter().map(|p| capi(p)).collect()
 }
 
-/// Where the package `onnxruntime` keeps the library among Python's packages.
+/// Folder of the library in the package `onnxruntime`.
 fn capi(packages: &Path) -> PathBuf {
     packages.join("onnxruntime/capi")
 }
 
-/// What the Pythons in a folder of `PATH` are installed under: as the folder says, and as their links say, because an
-/// environment's Python is a link to the one that it was made with.
+/// Installation prefixes of the Pythons in a folder of `PATH`: of the folder itself, and of their link targets, because an environment's
+/// Python links to the one that created it.
 fn prefixes(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for name in ["python3", "python", "python3.exe", "python.exe"] {
@@ -150,7 +148,7 @@ fn prefixes(folder: &Path) -> Vec<PathBuf> {
         if !python.is_file() {
             continue;
         }
-        // Scripts of pyenv that choose a version when they run.
+        // Scripts of pyenv that select a version when they run.
         if folder.ends_with("shims") {
             found.extend(versions(&folder.with_file_name("versions"), ""));
             continue;
@@ -169,7 +167,7 @@ fn prefixes(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Entries of a folder that are called `start` and a version of 3, newest first.
+/// Entries of a folder named `start` and a version of 3, newest first.
 fn versions(folder: &Path, start: &str) -> Vec<PathBuf> {
     let mut found: Vec<(Vec<u64>, PathBuf)> = entries(folder)
         .filter_map(|(name, path)| Some((numbers(name.strip_prefix(start)?)?, path)))
@@ -186,7 +184,6 @@ fn entries(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
     read.filter_map(|e| Some((e.file_name().into_string().ok()?, e.path())))
 }
 
-/// Where the system keeps libraries.
 fn system_folders() -> Vec<PathBuf> {
     let mut folders: Vec<PathBuf> = if cfg!(windows) {
         vec![
@@ -199,7 +196,7 @@ fn system_folders() -> Vec<PathBuf> {
             .to_vec()
     };
     if cfg!(unix) {
-        // Debian's folders for a kind of machine, e.g. x86_64-linux-gnu.
+        // Debian's folders per architecture, e.g. x86_64-linux-gnu.
         let usr = PathBuf::from("/usr/lib");
         let mut machine: Vec<PathBuf> = entries(&usr)
             .filter(|(name, _)| name.starts_with(consts::ARCH) && name.contains("-linux-"))

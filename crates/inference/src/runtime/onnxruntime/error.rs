@@ -1,16 +1,15 @@
-//! Why a library cannot be used, said so that the user can correct it.
+//! Errors of the library of ONNX Runtime, and their messages.
 
 use super::library::OLDEST;
 use std::path::PathBuf;
 
-/// What to do without a usable library.
 const ADVICE: &str = "name another file, install one with `pip install onnxruntime`, or use the runtime `rten`, which needs none";
 
-/// A shared library of ONNX Runtime cannot be used.
+/// Error: a shared library of ONNX Runtime cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RuntimeError {
-    /// There is no such file.
+    /// The file does not exist.
     #[error(
         "{}: expected the shared library of ONNX Runtime, found no file that can be read; {ADVICE}", .library.display()
     )]
@@ -18,34 +17,34 @@ pub enum RuntimeError {
         /// The file.
         library: PathBuf,
     },
-    /// The system cannot load the file: damaged, for another kind of machine, or without a library that it needs.
+    /// The system cannot load the file: damaged, for another architecture, or without a library that it needs.
     #[error(
         "{}: expected the shared library of ONNX Runtime for this machine, found: {reason}; {ADVICE}", .library.display()
     )]
     Unloadable {
         /// The file.
         library: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         reason: String,
     },
-    /// A library, but not this one.
+    /// Another library.
     #[error(
         "{}: expected the shared library of ONNX Runtime, found another library: {reason}; {ADVICE}", .library.display()
     )]
     Foreign {
         /// The file.
         library: PathBuf,
-        /// What it lacks.
+        /// Missing symbol.
         reason: String,
     },
-    /// A version whose interface is older than what is needed.
+    /// A version with an older interface than required.
     #[error(
         "{}: expected ONNX Runtime {OLDEST} or newer, found {version}; {ADVICE}", .library.display()
     )]
     Old {
         /// The file.
         library: PathBuf,
-        /// As the library says.
+        /// Version reported by the library.
         version: String,
     },
     /// The process has loaded another one, and holds only one.
@@ -56,7 +55,7 @@ pub enum RuntimeError {
     Taken {
         /// The file.
         library: PathBuf,
-        /// The one that is loaded; `None` if code that is not this crate's loaded it.
+        /// The loaded one; `None` if code outside this crate loaded it.
         loaded: Option<PathBuf>,
     },
 }

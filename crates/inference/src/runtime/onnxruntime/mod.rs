@@ -1,6 +1,6 @@
-//! ONNX Runtime: its shared library is loaded at run time, so that nothing of it is needed to build or to start.
+//! ONNX Runtime: its shared library is loaded at run time, so neither building nor starting requires it.
 //!
-//! Answers: where a library may be, whether a file is one that can be used, and runs networks on it.
+//! Answers: possible paths of a library, and whether a file is usable; runs networks on it.
 
 mod candidates;
 mod error;
@@ -14,10 +14,9 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// The library of this process.
 static LOADED: OnceLock<OnnxRuntime> = OnceLock::new();
 
-/// The shared library of ONNX Runtime, loaded and found to be usable.
+/// The shared library of ONNX Runtime, loaded and checked.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OnnxRuntime {
     library: PathBuf,
@@ -25,29 +24,28 @@ pub struct OnnxRuntime {
 }
 
 impl OnnxRuntime {
-    /// Oldest version that can be used.
+    /// Oldest usable version.
     pub const OLDEST: &'static str = library::OLDEST;
 
-    /// Libraries of ONNX Runtime on this machine, the one to try first in front: what `ORT_DYLIB_PATH` names (a file, which
-    /// need not be there, or a folder); beside the executable; in the Python of `VIRTUAL_ENV`, of `CONDA_PREFIX` and in those on
-    /// `PATH`; in the user's own Python packages; in the system's folders for libraries. Within a folder the newest version comes
-    /// first. A file that several names lead to comes once. The same folders give the same list.
+    /// Libraries of ONNX Runtime on this machine, in the order in which to try them: the path in `ORT_DYLIB_PATH` (a file, which need not
+    /// exist, or a folder); beside the executable; in the Python of `VIRTUAL_ENV`, of `CONDA_PREFIX` and in those on `PATH`; in the user's
+    /// own Python packages; in the system's library folders. Within a folder the newest version comes first. Each file occurs once,
+    /// whatever its names. The same folders give the same list.
     ///
-    /// `environment` gives the value of a variable, e.g. `&|name| std::env::var_os(name)`.
+    /// `environment` returns the value of a variable, e.g. `&|name| std::env::var_os(name)`.
     #[must_use]
     pub fn candidates(environment: &dyn Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
         candidates::candidates(environment)
     }
 
-    /// Loads a library by its file, e.g. `libonnxruntime.so.1.31.1`. The code in it runs in this process: load none that you
-    /// do not trust.
+    /// Loads a library by its file, e.g. `libonnxruntime.so.1.31.1`. Its code runs in this process: load only trusted ones.
     ///
-    /// A process has room for one library, and keeps it until it ends. Once one is loaded, the same file gives it again, and
-    /// another one is refused. A file that is refused for another reason leaves the room to the next.
+    /// A process holds one library until it ends. Loading the same file again returns it, and another one is refused. A file that is
+    /// refused for another reason does not block the next.
     ///
     /// # Errors
-    /// [`RuntimeError`] if there is no such file, it is no library of ONNX Runtime for this kind of machine or is too old,
-    /// or another one is loaded already.
+    /// [`RuntimeError`] if the file does not exist, is not a library of ONNX Runtime for this architecture or is too old, or another one is
+    /// loaded already.
     pub fn load(library: &Path) -> Result<Self, RuntimeError> {
         let missing = |_| RuntimeError::Missing {
             library: library.to_owned(),
@@ -58,9 +56,9 @@ impl OnnxRuntime {
         if let Some(loaded) = LOADED.get().and_then(same) {
             return Ok(loaded);
         }
-        // Looked at even if another one is loaded: what is wrong with a bad file is worth more than that it comes too late.
+        // Checked even if another one is loaded: the fault of a bad file is more useful than that it comes too late.
         let found = library::check(&library)?;
-        // Threads may come here at once: `ort` takes the first library that it is given.
+        // Threads may get here at once: `ort` takes the first library.
         let handed_over = found.hand_over(&library);
         if handed_over.is_ok() {
             LOADED.get_or_init(|| Self {
@@ -80,7 +78,7 @@ impl OnnxRuntime {
         }
     }
 
-    /// As the library says, e.g. `1.31.1`.
+    /// Version reported by the library, e.g. `1.31.1`.
     pub fn version(&self) -> &str {
         &self.version
     }

@@ -6,7 +6,6 @@ use ort::logging::LogLevel;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::value::{TensorElementType, TensorRef, ValueRef};
 
-/// A model that is loaded.
 pub(in super::super) struct OnnxRuntimeSession {
     session: ort::session::Session,
     input: String,
@@ -14,7 +13,7 @@ pub(in super::super) struct OnnxRuntimeSession {
 }
 
 impl OnnxRuntimeSession {
-    /// Loads a model whose image goes into `input`. That the library is loaded is what `OnnxRuntime` proves.
+    /// Loads a model with the image input `input`. `OnnxRuntime` proves that the library is loaded.
     pub(in super::super) fn load(
         bytes: &[u8],
         input: &str,
@@ -35,17 +34,16 @@ impl OnnxRuntimeSession {
     }
 }
 
-/// How models are run.
 fn options(threads: usize) -> ort::Result<SessionBuilder> {
     Ok(ort::session::Session::builder()?
-        // Errors come back as such; the library would print them as well.
+        // Errors are returned; the library would print them as well.
         .with_log_level(LogLevel::Fatal)?
         .with_optimization_level(GraphOptimizationLevel::All)?
         .with_intra_threads(threads)?
         .with_inter_threads(1)?
         .with_parallel_execution(false)?
         .with_deterministic_compute(true)?
-        // Threads that wait sleep: the other cores belong to tracking and mapping.
+        // Waiting threads sleep: the other cores belong to tracking and mapping.
         .with_intra_op_spinning(false)?)
 }
 
@@ -65,7 +63,6 @@ impl Session for OnnxRuntimeSession {
     }
 }
 
-/// An output's numbers.
 fn tensor(value: &ValueRef<'_>) -> Result<Tensor, String> {
     let refuse = |found: &dyn std::fmt::Display| format!("an output of {}", one_line(found));
     let kind = value.dtype().tensor_type();

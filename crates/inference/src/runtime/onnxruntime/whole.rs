@@ -1,17 +1,17 @@
-//! Whether a library's file is all there. Linux maps a file that was cut, as by a download that broke off, and ends the
-//! process with a bus error where it reads past the end; the systems that use other formats refuse such files themselves.
+//! Checks that a library's file is complete. Linux maps a truncated file, e.g. of an interrupted download, and ends the process with a bus
+//! error on reading past the end; the systems that use other formats refuse such files themselves.
 
 use std::path::Path;
 
-/// Most bytes that are read; tables of segments are a few hundred.
+/// Maximum number of bytes read; segment tables have a few hundred.
 const HEAD: u64 = 1 << 16;
-/// Type of a segment that is mapped (`PT_LOAD`).
+/// Type of a mapped segment (`PT_LOAD`).
 const MAPPED: u64 = 1;
 
-/// Checks that a file holds all that its header promises; one that is not ELF with 64 bits, low bytes first, passes.
+/// Checks that a file has the length that its header requires; files other than little-endian 64-bit ELF pass.
 ///
 /// # Errors
-/// How many bytes there should be, for a message; and what the system says if the file cannot be read.
+/// The required number of bytes, for a message; or the system's error if the file cannot be read.
 pub(super) fn check(file: &Path) -> Result<(), String> {
     use std::io::Read;
     let open = || -> std::io::Result<(Vec<u8>, u64)> {
@@ -30,7 +30,7 @@ pub(super) fn check(file: &Path) -> Result<(), String> {
     }
 }
 
-/// Least length of a file that begins like this; `None` if its header is not whole or of another format.
+/// Minimum length of a file that begins like this; `None` if its header is incomplete or of another format.
 fn promised(head: &[u8]) -> Option<u64> {
     if head.get(..6)? != b"\x7fELF\x02\x01" {
         return None;
@@ -44,7 +44,7 @@ fn promised(head: &[u8]) -> Option<u64> {
         .max(sections.saturating_add(section_size * section_count));
     for i in 0..segment_count {
         let at = usize::try_from(segments.saturating_add(i * segment_size)).ok()?;
-        // A table further behind is not looked at; sections mostly are the end of a file, and tell as well.
+        // A table further behind is ignored; sections are mostly at the end of a file, and suffice.
         let Some(segment) = head.get(at..) else { break };
         let (Some(kind), Some(offset), Some(size)) = (
             number(segment, 0, 4),
@@ -60,7 +60,7 @@ fn promised(head: &[u8]) -> Option<u64> {
     Some(end)
 }
 
-/// A number of `size` bytes, lowest first.
+/// A little-endian number of `size` bytes.
 fn number(bytes: &[u8], at: usize, size: usize) -> Option<u64> {
     let bytes = bytes.get(at..)?.get(..size)?;
     Some(bytes.iter().rev().fold(0, |n, &b| n << 8 | u64::from(b)))

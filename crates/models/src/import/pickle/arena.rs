@@ -1,5 +1,5 @@
-//! The values of a pickle, side by side. They refer to one another by number, since the memo makes them a graph, with cycles if the file
-//! wants; nothing here follows references, so nothing recurses.
+//! The values of a pickle in an arena. They refer to each other by number, since the memo makes them a graph, possibly with cycles; nothing
+//! here follows references, so nothing recurses.
 
 use super::classes::Class;
 use super::{MOST_ELEMENTS, MOST_VALUES};
@@ -8,53 +8,39 @@ use super::{MOST_ELEMENTS, MOST_VALUES};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::import) struct Id(u32);
 
-/// A value. Text and bytes stay where they are in the pickle.
+/// A value. Text and bytes are borrowed from the pickle.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::import) enum Value<'a> {
-    /// `None`.
     None,
-    /// A truth value.
     Bool(bool),
     /// An integer of up to 64 bits.
     Integer(i64),
-    /// A longer integer, whose value nothing needs.
+    /// A longer integer, whose value is not needed.
     Long,
-    /// A floating-point number.
     Float(f64),
-    /// Text.
     Text(&'a str),
-    /// Bytes.
     Bytes,
-    /// A list.
     List(Vec<Id>),
-    /// A tuple.
     Tuple(Vec<Id>),
     /// A set; its elements are not needed.
     Set,
     /// A dictionary; of entries with the same key the last counts.
     Dict(Vec<(Id, Id)>),
-    /// A class or function itself.
     Class(Class<'a>),
-    /// What a function would have made.
+    /// A call that was not executed.
     Call {
-        /// The function.
         function: Class<'a>,
-        /// Its arguments.
         arguments: Vec<Id>,
     },
-    /// A layer or network.
     Object {
-        /// Its class.
         class: Class<'a>,
-        /// Its attributes, a dictionary.
         state: Option<Id>,
     },
-    /// What lies outside the pickle: the memory of a tensor.
+    /// Data outside the pickle: the memory of a tensor.
     Outside(Id),
 }
 
 impl Value<'_> {
-    /// What it is, for messages.
     pub(in crate::import) fn describe(&self) -> String {
         let text = match self {
             Self::None => "None",
@@ -84,11 +70,10 @@ pub(in crate::import) struct Arena<'a> {
     elements: usize,
 }
 
-/// What there is too much of.
+/// Kind of the items, and the limit.
 pub(super) type TooMany = (&'static str, usize);
 
 impl<'a> Arena<'a> {
-    /// Another value.
     pub(super) fn add(&mut self, value: Value<'a>) -> Result<Id, TooMany> {
         self.count(match &value {
             Value::List(elements) | Value::Tuple(elements) => elements.len(),
@@ -103,7 +88,7 @@ impl<'a> Arena<'a> {
         Ok(Id((self.values.len() - 1) as u32))
     }
 
-    /// Counts elements that go into values later.
+    /// Counts elements that are added to values later.
     pub(super) fn count(&mut self, elements: usize) -> Result<(), TooMany> {
         self.elements += elements;
         if self.elements > MOST_ELEMENTS {
@@ -112,17 +97,14 @@ impl<'a> Arena<'a> {
         Ok(())
     }
 
-    /// A value, to be changed.
     pub(super) fn get_mut(&mut self, id: Id) -> &mut Value<'a> {
         &mut self.values[id.0 as usize]
     }
 
-    /// A value.
     pub(in crate::import) fn get(&self, id: Id) -> &Value<'a> {
         &self.values[id.0 as usize]
     }
 
-    /// Elements of a list or tuple.
     pub(in crate::import) fn sequence(&self, id: Id) -> Option<&[Id]> {
         match self.get(id) {
             Value::List(elements) | Value::Tuple(elements) => Some(elements),
@@ -130,7 +112,6 @@ impl<'a> Arena<'a> {
         }
     }
 
-    /// Entries of a dictionary.
     pub(in crate::import) fn entries(&self, id: Id) -> Option<&[(Id, Id)]> {
         match self.get(id) {
             Value::Dict(entries) => Some(entries),
@@ -138,7 +119,6 @@ impl<'a> Arena<'a> {
         }
     }
 
-    /// The text, if it is one.
     pub(in crate::import) fn text(&self, id: Id) -> Option<&'a str> {
         match self.get(id) {
             Value::Text(text) => Some(text),
@@ -146,7 +126,6 @@ impl<'a> Arena<'a> {
         }
     }
 
-    /// The integer, if it is one.
     pub(in crate::import) fn integer(&self, id: Id) -> Option<i64> {
         match self.get(id) {
             Value::Integer(n) => Some(*n),
@@ -154,7 +133,6 @@ impl<'a> Arena<'a> {
         }
     }
 
-    /// The number, if it is one.
     pub(in crate::import) fn number(&self, id: Id) -> Option<f64> {
         match self.get(id) {
             Value::Integer(n) => Some(*n as f64),
@@ -163,7 +141,7 @@ impl<'a> Arena<'a> {
         }
     }
 
-    /// What a dictionary has under a text.
+    /// Value of a text key in a dictionary.
     pub(in crate::import) fn entry(&self, dict: Id, key: &str) -> Option<Id> {
         let entries = self.entries(dict)?;
         let mut latest = entries.iter().rev();

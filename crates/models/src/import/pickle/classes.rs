@@ -1,56 +1,46 @@
-//! The classes and functions that a checkpoint may name. Everything else is refused by name.
+//! The classes and functions that a checkpoint may name. All others are refused by name.
 
 /// A class or function, by name only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::import) struct Class<'a> {
-    /// Module, as `models.common`.
+    /// Module, e.g. `models.common`.
     pub(in crate::import) module: &'a str,
-    /// Name in it, as `Conv`.
+    /// Name in it, e.g. `Conv`.
     pub(in crate::import) name: &'a str,
-    /// What it means here.
     pub(in crate::import) kind: Kind,
 }
 
-/// What a class or function means to the reader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::import) enum Kind {
-    /// A dictionary that keeps its order.
+    /// An ordered dictionary.
     Dict,
-    /// A set.
     Set,
-    /// The type of a tensor's memory.
+    /// Element type of a tensor's memory.
     Storage(Scalar),
     /// Makes a tensor of memory, offset, shape and strides.
     Tensor,
-    /// Makes a parameter of a tensor.
     Parameter,
-    /// A bound method: how a layer says that it runs without its batch norm.
+    /// A bound method: marks a layer that runs without its batch norm.
     Method,
-    /// Noted down and never looked at: devices, numpy's numbers.
+    /// Recorded and ignored: devices, numpy's numbers.
     Inert,
-    /// A layer or a whole network.
     Layer,
 }
 
-/// Type of a tensor's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::import) enum Scalar {
     /// IEEE 754 binary16.
     Half,
     /// The upper half of a binary32.
     BFloat16,
-    /// IEEE 754 binary32.
     Float,
-    /// IEEE 754 binary64.
     Double,
-    /// 64-bit integers.
     Long,
     /// Other integers, of this many bytes.
     Other(usize),
 }
 
 impl Scalar {
-    /// Bytes of a number.
     pub(in crate::import) fn width(self) -> usize {
         match self {
             Self::Half | Self::BFloat16 => 2,
@@ -61,10 +51,10 @@ impl Scalar {
     }
 }
 
-/// Characters of a layer's full name, so that messages stay short.
+/// Maximum length of a layer's full name in messages, characters.
 const LONGEST: usize = 120;
 
-/// Data of torch and numpy that stays as it is.
+/// Data of torch and numpy that is ignored.
 const INERT: [(&str, &[&str]); 6] = [
     ("torch", &["Size", "device", "dtype"]),
     (
@@ -78,7 +68,7 @@ const INERT: [(&str, &[&str]); 6] = [
 ];
 
 impl<'a> Class<'a> {
-    /// The class of that name, if it is known.
+    /// The class of this name, if known.
     pub(in crate::import) fn known(module: &'a str, name: &'a str) -> Option<Self> {
         let kind = match (module, name) {
             ("collections", "OrderedDict") => Kind::Dict,
@@ -98,7 +88,6 @@ impl<'a> Class<'a> {
         Some(Self { module, name, kind })
     }
 
-    /// Its full name.
     pub(in crate::import) fn path(self) -> String {
         format!("{}.{}", self.module, self.name)
     }
@@ -118,8 +107,8 @@ fn storage(name: &str) -> Option<Scalar> {
     })
 }
 
-/// Classes of layers begin with a capital, functions beside them do not. Kinds that cannot be imported pass as well, so that
-/// all of them can be named at once later.
+/// Classes of layers begin with a capital, functions beside them do not. Kinds that cannot be imported pass as well, so that all of them
+/// can be named at once later.
 fn is_layer(module: &str, name: &str) -> bool {
     let place = module.starts_with("torch.nn.modules.")
         || matches!(

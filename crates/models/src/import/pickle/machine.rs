@@ -1,4 +1,4 @@
-//! The stack machine that a pickle is a program for, with everything left out that could run foreign code.
+//! The stack machine of pickles, without all operations that could run foreign code.
 
 use super::arena::{Arena, Id, TooMany, Value};
 use super::reader::Reader;
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 /// Reads a pickle to its end.
 ///
 /// # Errors
-/// Unknown opcodes, unknown classes, a stack that does not work out, lengths beyond the pickle, and limits of size.
+/// Unknown opcodes or classes, an inconsistent stack, lengths beyond the pickle, and exceeded limits.
 pub(in crate::import) fn read(bytes: &[u8]) -> Result<(Arena<'_>, Id)> {
     if bytes.len() > LONGEST {
         return Err(ImportError::Limit {
@@ -39,7 +39,6 @@ pub(in crate::import) fn read(bytes: &[u8]) -> Result<(Arena<'_>, Id)> {
 
 pub(super) struct Machine<'a> {
     pub(super) reader: Reader<'a>,
-    /// Where the opcode at work is.
     pub(super) at: usize,
     pub(super) arena: Arena<'a>,
     stack: Vec<Id>,
@@ -49,7 +48,7 @@ pub(super) struct Machine<'a> {
 }
 
 impl<'a> Machine<'a> {
-    /// One opcode. Names are those of `pickletools`.
+    /// Executes one opcode. Names are those of `pickletools`.
     fn step(&mut self, opcode: u8) -> Result<()> {
         match opcode {
             0x80 => self.protocol(),                            // PROTO
@@ -135,7 +134,7 @@ impl<'a> Machine<'a> {
         self.push(Value::Text(text))
     }
 
-    /// BINBYTES, SHORT_BINBYTES, BINBYTES8, BYTEARRAY8: nothing that is imported is in them.
+    /// BINBYTES, SHORT_BINBYTES, BINBYTES8, BYTEARRAY8: they contain nothing needed.
     fn bytes(&mut self, opcode: u8) -> Result<()> {
         let length = match opcode {
             b'B' => self.reader.length::<4>()?,
@@ -241,7 +240,7 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    /// POP takes a mark when it is uppermost.
+    /// POP removes a mark if that is on top.
     fn drop_one(&mut self) -> Result<()> {
         if self.marks.last() == Some(&self.stack.len()) {
             self.marks.pop();
@@ -250,7 +249,6 @@ impl<'a> Machine<'a> {
         self.pop().map(|_| ())
     }
 
-    /// What lies above the last mark.
     pub(super) fn popped_mark(&mut self) -> Result<Vec<Id>> {
         let mark = self.marks.pop();
         let mark = mark.ok_or_else(|| self.fault("a mark", "none".to_owned()))?;
@@ -276,7 +274,7 @@ impl<'a> Machine<'a> {
         Ok(id)
     }
 
-    /// The uppermost value, which is above the last mark.
+    /// The top value, which is above the last mark.
     pub(super) fn top(&self) -> Result<Id> {
         let floor = self.marks.last().copied().unwrap_or(0);
         match self.stack.get(floor..).and_then(<[Id]>::last) {

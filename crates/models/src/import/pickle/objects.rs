@@ -1,4 +1,4 @@
-//! Classes, calls and objects of a pickle: names from a list and notes, never anything that runs.
+//! Classes, calls and objects of a pickle: names from a list and records; nothing runs.
 
 use super::arena::{Id, Value};
 use super::classes::{Class, Kind};
@@ -28,14 +28,14 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Notes a call down. Dictionaries and sets become what they would be; of methods only the one that means "folded" passes.
+    /// Records a call. Dictionaries and sets are created; of methods only the one that means "folded" passes.
     pub(super) fn reduce(&mut self) -> Result<()> {
         let arguments = self.pop()?;
         let function = self.popped_class()?;
         let Value::Tuple(arguments) = self.arena.get(arguments) else {
             return Err(self.fault("a tuple of arguments", "something else".to_owned()));
         };
-        // Of sets nothing is kept: their arguments need not be copied.
+        // Sets are not kept: their arguments need not be copied.
         if function.kind == Kind::Set {
             return self.push(Value::Set);
         }

@@ -1,8 +1,8 @@
-//! The bytes of a pickle, one after another.
+//! Sequential reading of a pickle's bytes.
 
 use crate::import::error::{ImportError, Result, shown};
 
-/// A place in a pickle. Nothing is copied or reserved by a length that the file claims: what is not there ends in an error.
+/// A position in a pickle. Nothing is copied or allocated by a claimed length: missing bytes are an error.
 pub(super) struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -13,7 +13,6 @@ impl<'a> Reader<'a> {
         Self { bytes, at: 0 }
     }
 
-    /// Bytes read so far.
     pub(super) fn at(&self) -> usize {
         self.at
     }
@@ -46,11 +45,10 @@ impl<'a> Reader<'a> {
     pub(super) fn length<const N: usize>(&mut self) -> Result<usize> {
         let mut wide = [0; 8];
         wide[..N].copy_from_slice(&self.array::<N>()?);
-        // What does not fit is larger than the pickle, which `take` says.
+        // A length that does not fit is larger than the pickle; `take` reports it.
         Ok(usize::try_from(u64::from_le_bytes(wide)).unwrap_or(usize::MAX))
     }
 
-    /// Text in UTF-8 of a known length.
     pub(super) fn text(&mut self, length: usize) -> Result<&'a str> {
         let at = self.at;
         let bytes = self.take(length)?;
@@ -72,7 +70,7 @@ impl<'a> Reader<'a> {
         Ok(text)
     }
 
-    /// An integer of that many bytes, two's complement, little endian; `None` above 64 bits.
+    /// An integer of this many bytes, two's complement, little endian; `None` above 64 bits.
     pub(super) fn long(&mut self, length: usize) -> Result<Option<i64>> {
         let bytes = self.take(length)?;
         if length > 8 {

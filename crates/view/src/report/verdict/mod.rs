@@ -1,43 +1,44 @@
-//! How a run went, in one sentence: what was tracked, how exactly, and what went wrong most with what helps.
+//! The verdict on a run, in one sentence: coverage, accuracy, and the worst problem with its remedy.
 
 use super::model::RunData;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use stillpoint_slam::{FrameState, LostReason};
 
-/// An error of the final poses from which a result is off, m; it is off only where [`OFF_SHARE`] is exceeded too.
+/// Error of the final poses from which a result counts as off, m, if [`OFF_SHARE`] is exceeded too.
 const OFF: f64 = 0.05;
-/// An error as a share of the camera's way from which a result is off: good odometry drifts by about 1 % (KITTI's table, Geiger et al. 2012).
+/// Error as a share of the camera's path from which a result counts as off: good odometry drifts by about 1 % (KITTI's table, Geiger et al.
+/// 2012).
 const OFF_SHARE: f64 = 0.01;
-/// Share of the frames without a pose, not read or dropped, from which a result is not of the whole recording; chosen.
+/// Share of frames without a pose, unreadable or dropped, from which a result counts as incomplete; chosen.
 const MUCH: f64 = 0.1;
-/// Share of the pictures that must show as many people at once, chosen: more in a single one may be a slip of the detector.
+/// Share of the images that must show a number of people at once, chosen: a higher number in a single image may be an error of the
+/// detector.
 const SHOWN: f64 = 0.05;
 
-/// How much there is to worry about.
+/// Severity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Concern {
-    /// Nothing.
+    /// No problem.
     #[default]
     None,
-    /// Something was less than it could have been.
+    /// The result is worse than it could be.
     Some,
     /// The result should not be used as it is.
     Grave,
 }
 
-/// How a run went.
+/// Verdict on a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Verdict {
-    /// How much there is to worry about.
+    /// Severity.
     pub concern: Concern,
     /// One sentence.
     pub text: String,
 }
 
-/// What went wrong, with what helps.
 struct Problem {
     concern: Concern,
     text: String,
@@ -48,10 +49,10 @@ fn problem(concern: Concern, text: String) -> Option<Problem> {
 }
 
 impl RunData {
-    /// Says how the run went. Everything else that the report shows must be there.
+    /// Sets the verdict, from all other data of the report.
     pub fn judge(&mut self) {
         let facts = Facts::of(self);
-        // The gravest, and of equals the first, as it explains those after it.
+        // The most severe one; of equals the first, as it explains the later ones.
         let worst = facts.problems().into_iter().rev().max_by_key(|p| p.concern);
         let (concern, end) = worst.map_or_else(
             || (Concern::None, "nothing to worry about".to_owned()),
@@ -66,16 +67,13 @@ impl RunData {
     }
 }
 
-/// What a verdict is made of.
 struct Facts<'a> {
     run: &'a RunData,
     frames: usize,
     tracked: usize,
-    /// Frames that no pose was asked of: not read, or dropped.
     missed: usize,
-    /// RMSE against the truth, m, and whether the camera moved in it.
+    /// RMSE against the ground truth, m, and whether the camera moved.
     error: Option<(f64, bool)>,
-    /// Length of the way, m.
     way: f64,
     people: usize,
 }
@@ -141,7 +139,7 @@ impl<'a> Facts<'a> {
         }
     }
 
-    /// What went wrong; of two equally grave ones the first explains the other.
+    /// The problems found; of two equally severe ones the first explains the other.
     fn problems(&self) -> Vec<Problem> {
         [
             self.without_pose(),
@@ -185,7 +183,7 @@ impl<'a> Facts<'a> {
         problem(Concern::Grave, why.to_owned())
     }
 
-    /// Without a truth nobody knows how far off it is.
+    /// Without ground truth the error is unknown.
     fn ridden(&self) -> Option<Problem> {
         if self.error.is_some() || self.people == 0 || !self.filter_is_off() {
             return None;
@@ -228,7 +226,6 @@ impl<'a> Facts<'a> {
         problem(concern, text)
     }
 
-    /// Submaps that were not joined.
     fn parted(&self) -> Option<Problem> {
         let submaps = self.run.summary.get("submaps")?.as_array()?;
         let apart = submaps.iter().skip(1).filter_map(|s| count(s, "/frames"));
@@ -264,7 +261,7 @@ impl<'a> Facts<'a> {
         )
     }
 
-    /// Nearly all of a run in which it did not become clear who moves.
+    /// It stayed undecided which regions move for nearly the whole run.
     fn undecided(&self) -> Option<Problem> {
         let states = &self.run.frames.state.0;
         let undecided = states
@@ -299,7 +296,7 @@ impl<'a> Facts<'a> {
     }
 }
 
-/// A stretch of frames without a pose, as `summary.json` has it.
+/// An interval of frames without a pose, from `summary.json`.
 #[derive(Deserialize)]
 struct Loss {
     first: u32,
@@ -326,7 +323,7 @@ fn error(summary: &Value) -> Option<(f64, bool)> {
     moving.or_else(|| rmse("drift").map(|e| (e, false)))
 }
 
-/// How many people are seen at once: the most that a fair share of the pictures shows.
+/// Number of people visible at once: the maximum that a sufficient share of the images shows.
 fn people(run: &RunData) -> usize {
     let objects = &run.objects;
     let is_person = |class: &u8| {
@@ -348,7 +345,6 @@ fn people(run: &RunData) -> usize {
     counts.get(enough).copied().unwrap_or(0)
 }
 
-/// What helps against a loss.
 fn remedy(reason: &str) -> &'static str {
     let helps = [
         (

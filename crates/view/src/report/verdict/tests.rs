@@ -2,7 +2,7 @@ use super::*;
 use crate::report::{Column, FrameColumns};
 use serde_json::json;
 
-/// A run of frames 10 cm apart, with three people in all pictures and a fourth in one.
+/// A run of frames 10 cm apart, with three people in all images and a fourth in one.
 fn run(summary: Value) -> RunData {
     let n = 100_u32;
     let mut run = RunData {
@@ -72,10 +72,10 @@ fn a_run_that_is_far_off_is_not_praised() {
             .to_owned();
     let text = judged(off.clone()).1;
     assert!(text.contains("the static filter was off"), "{text}");
-    // Another part may have a setting of that name.
+    // Another section may have a setting of that name.
     off.config = "[static_filter]\npreset = \"default\"\n[loops]\npreset = \"off\"\n".to_owned();
     assert!(!judged(off.clone()).1.contains("filter was off"));
-    // On a way of ten metres 9 cm are less than 1 %.
+    // On a path of ten metres 9 cm are less than 1 %.
     off.summary = json!({"frames": 100, "tracked": 100, "accuracy": accuracy(0.09)});
     assert_eq!(judged(off).0, Concern::None);
 }

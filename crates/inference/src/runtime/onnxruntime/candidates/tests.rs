@@ -1,10 +1,9 @@
-//! Where the library is looked for, in made-up folders.
+//! The search for the library, in made-up folders.
 
 use super::*;
 use std::collections::BTreeMap;
 use tempfile::TempDir;
 
-/// A folder with empty files.
 fn folder(files: &[&str]) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     for file in files {
@@ -15,7 +14,7 @@ fn folder(files: &[&str]) -> TempDir {
     folder
 }
 
-/// What is found, as paths within the folder; variables name folders in it.
+/// Paths found within the folder; variables name folders in it.
 fn found(root: &TempDir, variables: &[(&str, &str)], beside: &str, system: &str) -> Vec<String> {
     let root = root.path();
     let variables: BTreeMap<&str, OsString> = variables
@@ -159,17 +158,17 @@ fn links_to_pythons_and_libraries_are_followed() {
         found(&root, &[("PATH", "pyenv/shims:usr/bin")], "bin", "usr"),
         [pyenv, base]
     );
-    // The same file once, by the name that comes first.
+    // The same file once, by the first name.
     assert_eq!(found(&root, &[], "bin", "usr"), ["usr/libonnxruntime.so"]);
 }
 
 #[test]
-#[allow(clippy::disallowed_methods)] // A test may ask its machine.
+#[allow(clippy::disallowed_methods)] // Tests may read the environment.
 fn this_machine_can_be_searched() {
     let environment = |name: &str| std::env::var_os(name);
     let found = candidates(&environment);
     assert_eq!(found, candidates(&environment));
-    // What a variable names need not be there.
+    // The file named by a variable need not exist.
     let named = usize::from(std::env::var_os("ORT_DYLIB_PATH").is_some());
     assert!(found.iter().skip(named).all(|file| file.is_file()));
 }
