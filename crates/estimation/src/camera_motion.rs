@@ -2,11 +2,9 @@
 //!
 //! A person close to the camera may fill most of the image; weights and a prior motion keep such points from winning.
 
-use crate::motion_search::MotionFinder;
 use crate::pose_graph::CHI2_95_6;
-use crate::sampling::Rng;
 use crate::turn::KnownTurn;
-use crate::{Intrinsics, KnownPlace, Measurement};
+use crate::{KnownPlace, Measurement};
 use stillpoint_geometry::{Mat6, Se3, Vec3, so3};
 
 /// A point of frame A and its measurement in frame B.
@@ -103,23 +101,6 @@ pub struct CameraMotion {
     pub iterations: usize,
     /// Inverse covariance, for a left perturbation `[translation; rotation]`, from the measurements' variances.
     pub information: Mat6,
-}
-
-/// Finds the motion `b_from_a` with the largest weighted vote. A pair's vote falls from its weight to zero at its
-/// chi-square gate. The first hypothesis is the prior; then samples of three pairs, drawn by weight, are solved by
-/// aligning the two triangles if all have depth in B (Umeyama 1991), else by P3P. New best ones are refined at once,
-/// the winner by [`optimise_pose`](crate::optimise_pose).
-///
-/// `None` if no motion has `min_inliers` inliers with nonzero weight.
-#[must_use]
-pub fn find_camera_motion(
-    camera: &Intrinsics,
-    pairs: &[MotionPair],
-    prior: Option<&MotionPrior>,
-    options: &MotionOptions,
-    rng: Rng,
-) -> Option<CameraMotion> {
-    MotionFinder::default().find(camera, pairs, prior, options, rng)
 }
 
 /// The weight of a pair; 0 if not positive, or if the pair is not finite.

@@ -39,7 +39,7 @@ pub use absolute_pose::{
 pub use bundle::{
     BundleObservation, BundleOptions, BundleProblem, BundleReport, BundleStop, adjust_bundle,
 };
-pub use camera_motion::{CameraMotion, MotionOptions, MotionPair, MotionPrior, find_camera_motion};
+pub use camera_motion::{CameraMotion, MotionOptions, MotionPair, MotionPrior};
 pub use covariance::pose_covariance;
 pub use degeneracy::{Degeneracy, DegeneracyTest, test_degeneracy, transfer_squared};
 pub use fundamental::{
@@ -47,7 +47,7 @@ pub use fundamental::{
 };
 pub use homography::{Homography, find_homography, four_point};
 pub use linearise::{Linearised, linearise};
-pub use motion_search::MotionFinder;
+pub use motion_search::{MotionFinder, find_camera_motion};
 pub use observation::{Intrinsics, Measurement};
 pub use p3p::p3p;
 pub use place::KnownPlace;

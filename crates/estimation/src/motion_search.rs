@@ -13,7 +13,7 @@ use crate::{
 };
 use stillpoint_geometry::{Mat6, Se3, Vec3, align_umeyama};
 
-/// [`find_camera_motion`](crate::find_camera_motion) with reusable buffers.
+/// [`find_camera_motion`] with reusable buffers.
 #[derive(Clone, Debug, Default)]
 pub struct MotionFinder {
     votes: Votes,
@@ -27,7 +27,7 @@ pub struct MotionFinder {
 }
 
 impl MotionFinder {
-    /// As [`find_camera_motion`](crate::find_camera_motion).
+    /// As [`find_camera_motion`].
     #[must_use]
     pub fn find(
         &mut self,
@@ -71,6 +71,23 @@ impl MotionFinder {
     pub fn reuse(&mut self, inliers: Vec<bool>) {
         self.inliers = inliers;
     }
+}
+
+/// Finds the motion `b_from_a` with the largest weighted vote. A pair's vote falls from its weight to zero at its
+/// chi-square gate. The first hypothesis is the prior; then samples of three pairs, drawn by weight, are solved by
+/// aligning the two triangles if all have depth in B (Umeyama 1991), else by P3P. New best ones are refined at once,
+/// the winner by [`optimise_pose`](crate::optimise_pose).
+///
+/// `None` if no motion has `min_inliers` inliers with nonzero weight.
+#[must_use]
+pub fn find_camera_motion(
+    camera: &Intrinsics,
+    pairs: &[MotionPair],
+    prior: Option<&MotionPrior>,
+    options: &MotionOptions,
+    rng: Rng,
+) -> Option<CameraMotion> {
+    MotionFinder::default().find(camera, pairs, prior, options, rng)
 }
 
 struct Search<'a> {
