@@ -1,8 +1,8 @@
 //! The extension module behind the Python package `stillpoint_slam`.
 //!
-//! Answers: how arrays of NumPy become frames, and how poses, maps and masks become arrays. Holds no method of its own: what is computed is
-//! the library's business, and what words mean (configuration, detectors, map files) is that of the command line. Every argument is checked
-//! here, and an exception names it; whatever takes time runs without the interpreter's lock.
+//! Converts NumPy arrays to frames, and poses, maps and masks to arrays. Contains no algorithms: those are in the library, and the meaning
+//! of configurations, detector names and map files is defined by the command line. Every argument is checked here, and exceptions name it;
+//! long operations run without the interpreter's lock.
 
 mod arguments;
 mod arrays;
