@@ -45,7 +45,7 @@ def shot(work: Path, url: str, *options: str) -> Image.Image:
 
 
 def live(program: str, work: Path, room: Path) -> Image.Image:
-    """The page of a live run, some seconds after its start. Software rendering may be late, so the most detailed of several screenshots is used."""
+    """The page of a live run, some seconds after its start: the most detailed of several screenshots, since rendering may be late."""
     command = [program, "live", "file", str(room), "--detector", f"scripted:{room}/detections.csv", "--dense", "--view", "127.0.0.1:21399", "--out", str(work / "live")]
     pictures = []
     for wait in (4000, 5000, 6000):

@@ -1,6 +1,7 @@
 """Prints what a Cyclone DDS peer discovers of a node: type hashes announced by its readers and writers, and their owner by `ros_discovery_info`.
 
-usage: discovery.py STILLPOINT_ROS2 [SECONDS]; the node must be running. Hashes are compared with `--types` and, if PyPI's ros2_pyterfaces has the type, with that.
+usage: discovery.py STILLPOINT_ROS2 [SECONDS]; the node must be running. Hashes are compared with `--types` and with PyPI's ros2_pyterfaces, if
+it has the type.
 With --count, prints only the number of discovered readers and writers.
 """
 import subprocess
