@@ -1,8 +1,8 @@
 //! `lab constants`: writes docs/reference/constants.md, the numeric constants of tracking, mapping, static filter and objects, from the
 //! sources.
 //!
-//! Unit and origin are found by keywords in the comment. The rows of lab/results/constants.jsonl (file, constant, effect), if it exists,
-//! fill a column that says which figure changes when a constant is halved or doubled.
+//! Unit and origin are found by keywords in the comment. Rows of lab/results/constants.jsonl (file, constant, effect), if it exists, fill a
+//! column: which figure changes when a constant is halved or doubled.
 
 use crate::results::{Line, read};
 use crate::{Failure, document, origin};
@@ -38,10 +38,10 @@ const SOURCES: [(&str, &str); 7] = [
     ),
     (CHOICE, "chosen"),
 ];
-/// Origin of a value that is only justified by the reason in its comment.
+/// Origin of a value with only a reason in its comment.
 const CHOICE: &str = "choice";
 const UNITS: &str = r"rad/s/sqrt\(Hz\)|(?:rad|s)/sqrt\(s\)|(?:rad|m)/s(?:\^2)?|m/rad|1/m|rad|ms?|s|px|cells|samples|bytes|grey levels";
-/// A unit after a comma, or in a comment that continues the previous one.
+/// A unit after a comma, or in a continued comment.
 const STATED: &str = r"(?:, |^\.\.\. (?:and )?)((?:UNITS)(?: and (?:UNITS))?)(?:[^\w/^]|$)";
 
 struct Constant {

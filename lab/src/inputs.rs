@@ -1,7 +1,7 @@
 //! The inputs of all experiments: simulated scenes, and recordings with ground truth below the data folder.
 //!
-//! `sim:SCENE` is a scene of the simulator, rendered with the run's seed, so that room, people and noise depend on it; `sim:SCENE@7` is
-//! always rendered with seed 7. Anything else is a name below the data folder or a path.
+//! `sim:SCENE` is rendered with the run's seed, on which room, people and noise depend; `sim:SCENE@7` always with seed 7. Anything else is
+//! a name below the data folder or a path.
 
 use crate::table::{self, Align, Table};
 use crate::{Failure, origin};

@@ -1,4 +1,4 @@
-//! `lab`: experiments on Stillpoint, comparisons of two versions and with other systems, and the tables of the documents (lab/README.md).
+//! `lab`: experiments on Stillpoint, comparisons, and the tables of the documents (lab/README.md).
 
 mod compare;
 mod constants;

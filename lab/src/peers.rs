@@ -1,8 +1,8 @@
-//! `lab peers`: compares Stillpoint with ORB-SLAM3 and RTAB-Map's odometry on the same images, one program after the other, with the
-//! columns of `lab sweep`.
+//! `lab peers`: compares Stillpoint with ORB-SLAM3 and RTAB-Map's odometry on the same images, sequentially, with the columns of `lab
+//! sweep`.
 //!
-//! The peers are installed from PyPI into a separate environment below target/, and driven by the scripts in lab/peers; no part of them is
-//! used in Stillpoint.
+//! The peers are installed from PyPI into an environment below target/, and run by the scripts in lab/peers; Stillpoint uses no part of
+//! them.
 
 use crate::inputs::{self, Input};
 use crate::origin::{self, Machine};

@@ -1,6 +1,6 @@
-//! Result files: JSON lines, one per run or per row of a table, each with its kind, appended as they come.
+//! Result files: JSON lines, one per run or table row, appended as they come.
 //!
-//! A killed process can leave an incomplete last line. It is removed, with a message, when the file is opened for appending.
+//! An incomplete last line of a killed process is removed, with a message, when the file is opened for appending.
 
 use crate::Failure;
 use crate::origin::Machine;
@@ -33,10 +33,10 @@ pub(crate) struct Made {
     /// Machine; absent if the runs have it, or if it was not noted.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) machine: Option<String>,
-    /// Seeds as text, such as `0 to 9`; absent if the runs have them, or if they were not noted.
+    /// Such as `0 to 9`; absent if the runs have them, or if not noted.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) seeds: Option<String>,
-    /// The figures were copied from a document that predates result files: the commit is the one that last changed them there.
+    /// Copied from a document that predates result files; the commit is the last that changed the figures there.
     #[serde(skip_serializing_if = "std::ops::Not::not", default)]
     pub(crate) from_document: bool,
 }
@@ -88,7 +88,7 @@ pub(crate) struct Figures {
     pub(crate) frames: usize,
     /// Frames without a pose in the trajectory.
     pub(crate) lost: usize,
-    /// Frames with a pose while the motion hypothesis was undecided; absent for systems that do not report it.
+    /// Frames with a pose and an undecided motion hypothesis; absent for systems without it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) undecided: Option<usize>,
     /// Confident frames with an error above [`crate::score::WRONG`].
@@ -135,7 +135,7 @@ pub(crate) struct Time {
 /// Further figures of a live run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Live {
-    /// Share of the frames received that were replaced by a newer one before tracking, 0 to 1.
+    /// Share of received frames replaced by a newer one before tracking, 0 to 1.
     pub(crate) dropped_share: f64,
     /// From a frame's arrival to its pose.
     pub(crate) latency_ms: Time,

@@ -8,8 +8,8 @@ use std::path::Path;
 use stillpoint::datasets::trajectory;
 use stillpoint::evaluation::{EvalOptions, Score, TimedPose, score};
 
-/// Error above which a confident pose counts as wrong, m, as in the bounds for starts in a crowd (docs/starts.md): ten times the usual
-/// error there, and far below a person's distance.
+/// Error above which a confident pose counts as wrong, m, as for starts in a crowd (docs/starts.md): ten times the usual error there, and
+/// far below a person's distance.
 pub(crate) const WRONG: f64 = 0.1;
 
 #[derive(Debug, Deserialize)]
@@ -41,7 +41,7 @@ struct StageTime {
     time: Time,
 }
 
-/// States of `frames.csv` with uncertain poses: the motion hypothesis is undecided, or other sensors carry the pose.
+/// States with uncertain poses: the motion hypothesis is undecided, or other sensors carry the pose.
 const UNCERTAIN: [&str; 3] = ["undecided", "carried", "lost"];
 
 pub(crate) fn poses(path: &Path) -> Result<Vec<TimedPose>, Failure> {
@@ -143,8 +143,8 @@ pub(crate) fn of_poses(
     figures
 }
 
-/// RMSE of poses, m, and the error of each by its stamp: after alignment, or relative to the first pose if the camera stands still. `None`
-/// if too few poses have ground truth.
+/// RMSE, m, and errors by stamp: after alignment, or relative to the first pose if the camera stands still. `None` if too few poses have
+/// ground truth.
 fn error(truth: &[TimedPose], poses: &[TimedPose]) -> Option<(f64, Vec<(f64, f64)>)> {
     match score(truth, poses, &EvalOptions::default()).ok()? {
         Score::Moving(e) => {

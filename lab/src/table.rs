@@ -1,6 +1,5 @@
-//! Aligned Markdown tables, which are also readable in a terminal, and common cells.
-//!
-//! All tables of the lab are printed here, so that `lab record` can save the output of an experiment and `lab document` can reproduce it.
+//! Aligned Markdown tables, readable in a terminal, and common cells. `lab record` saves and `lab document` reproduces the tables printed
+//! here.
 
 pub(crate) use stillpoint::evaluation::{Align, Table};
 
@@ -11,7 +10,7 @@ pub(crate) fn print(table: &Table) {
     print!("{}", table.to_markdown());
 }
 
-/// Median, minimum and maximum. The median of an even number of values is the mean of the middle two. Without values all are NaN.
+/// Median, minimum and maximum; NaN without values.
 pub(crate) fn spread(values: impl IntoIterator<Item = f64>) -> [f64; 3] {
     let mut sorted: Vec<f64> = values.into_iter().collect();
     sorted.sort_by(f64::total_cmp);

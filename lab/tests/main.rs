@@ -1,4 +1,4 @@
-//! Tests of the program `lab`, all in one binary. They run the command line as this workspace builds it.
+//! Tests of `lab`, with the command line as this workspace builds it.
 #![allow(clippy::unwrap_used)]
 
 mod constants;

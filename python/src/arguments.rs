@@ -56,7 +56,7 @@ pub(crate) fn stamp(name: &str, found: &Bound<'_, PyAny>) -> PyResult<f64> {
         let ns: i64 = number
             .extract()
             .map_err(|_| value(name, "expected nanoseconds within 64 bits, found more"))?;
-        // Whole seconds separately: all nanoseconds since 1970 as one double would be off by about a hundred.
+        // All nanoseconds since 1970 as one double would be off by about a hundred.
         ns.div_euclid(1_000_000_000) as f64 + ns.rem_euclid(1_000_000_000) as f64 / 1e9
     } else {
         return Err(wrong());
@@ -144,7 +144,7 @@ pub(crate) fn count(name: &str, found: &Bound<'_, PyAny>, most: u64) -> PyResult
     })
 }
 
-/// Copies the elements of an array into `into`, row by row, with any strides. The caller has checked the shape, which limits the copy.
+/// Copies the elements into `into`, row by row, with any strides. The caller has checked the shape.
 pub(crate) fn elements<T: numpy::Element + Copy>(
     name: &str,
     array: &Bound<'_, PyArrayDyn<T>>,
@@ -187,7 +187,7 @@ pub(crate) enum Pixels {
     Colour(Vec<u8>),
 }
 
-/// A colour image (height x width x 3) or a grey one (height x width) of a given size, width first. Reuses `spare` for colours.
+/// A colour image (height x width x 3) or a grey one (height x width); `size` is width first. Reuses `spare` for colours.
 pub(crate) fn colour(
     found: &Bound<'_, PyAny>,
     size: [usize; 2],
@@ -220,7 +220,7 @@ pub(crate) enum Depths {
     Metres(Vec<f32>),
 }
 
-/// A depth image (height x width) of a given size, width first. Reuses `spare` for raw values.
+/// A depth image (height x width); `size` is width first. Reuses `spare` for raw values.
 pub(crate) fn depth(
     found: &Bound<'_, PyAny>,
     size: [usize; 2],
@@ -323,7 +323,7 @@ impl IntoValueError for PyErr {
     }
 }
 
-/// A rigid motion from the sixteen numbers of its matrix, row by row. Errors describe invalid matrices.
+/// A rigid motion from the sixteen numbers of its matrix, row by row.
 pub(crate) fn matrix(m: &[f64]) -> Result<Se3, &'static str> {
     if m.len() != 16 || !m.iter().all(|v| v.is_finite()) {
         return Err("numbers that are not finite");

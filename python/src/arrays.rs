@@ -100,8 +100,8 @@ fn borrowed<'py, T: Element, D: numpy::ndarray::Dimension>(
     view: &numpy::ndarray::ArrayView<'_, T, D>,
     owner: Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray<T, D>>> {
-    // SAFETY: the callers pass the object that owns this immutable, never moved data (behind an `Arc`, in a frozen class); the array keeps
-    // it alive, and is made read-only before it is returned.
+    // SAFETY: the callers pass the owner of this immutable, never moved data (behind an `Arc`, in a frozen class); the array keeps it
+    // alive, and is read-only before it is returned.
     let array = unsafe { PyArray::borrow_from_array(view, owner) };
     let writable = array.try_readwrite().map_err(impossible)?;
     drop(writable.make_nonwriteable());

@@ -37,7 +37,7 @@ impl Camera {
         [self.model.camera.width, self.model.camera.height].map(|n| n as usize)
     }
 
-    /// Accepts a [`Camera`], the name of a preset, a camera file, or calibration objects of other libraries.
+    /// Accepts a [`Camera`], a preset, a camera file, or a calibration object of another library.
     pub(crate) fn from_any(found: &Bound<'_, PyAny>) -> PyResult<Self> {
         if let Ok(camera) = found.cast::<Self>() {
             return Ok(camera.get().clone());

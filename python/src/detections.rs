@@ -129,8 +129,8 @@ fn check(b: &BoundingBox) -> Result<(), String> {
     ))
 }
 
-/// Detections of a frame from an array of N x 6 (x0, y0, x1, y1, score, class), or a list of such rows and of [`Detection`]s. Sorted stably
-/// by descending score, as the object trackers expect.
+/// Detections from an array of N x 6 (x0, y0, x1, y1, score, class), or a list of such rows and of [`Detection`]s. Sorted stably by
+/// descending score, as the trackers expect.
 pub(crate) fn detections(name: &str, found: &Bound<'_, PyAny>) -> PyResult<Vec<Seen>> {
     let mut all = if found.cast::<PyUntypedArray>().is_ok() {
         rows(name, found)?

@@ -1,6 +1,4 @@
-//! The system behind a `Slam`: in one thread, or with threads.
-//!
-//! Processes frames and returns the state of the run at any time. Independent of Python.
+//! The system behind a `Slam`, in one thread or with threads. Independent of Python.
 
 use crate::events::Queue;
 use crate::live::Live;
@@ -278,7 +276,7 @@ impl Driver {
         }
     }
 
-    /// Whether the caller has to run the user's detector on the next frame; never in a live run, which calls it itself.
+    /// Whether the caller has to run the user's detector on the next frame; never in a live run.
     pub(crate) fn asks(&self) -> bool {
         match self {
             Self::Inline(inline) => inline.steps.is_multiple_of(inline.stride),

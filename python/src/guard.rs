@@ -1,6 +1,6 @@
-//! Work without the interpreter's lock: panics, exclusive access, and shutdown of the interpreter.
+//! Work without the interpreter's lock: panics, exclusive access, and shutdown.
 //!
-//! Provides values that Python threads modify one at a time. No Python code runs during such access, so deadlocks are impossible.
+//! Python threads modify a value one at a time. No Python code runs meanwhile, so there are no deadlocks.
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -10,8 +10,7 @@ use std::sync::{Condvar, Mutex, PoisonError};
 use std::thread::ThreadId;
 use std::time::Duration;
 
-/// Runs `work` without the interpreter's lock. A panic, which is a defect of this package, becomes a `RuntimeError` instead of ending the
-/// interpreter.
+/// A panic, which is a defect of this package, becomes a `RuntimeError` instead of ending the interpreter.
 pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let done = py.detach(|| {
         let done = catch_unwind(AssertUnwindSafe(work));
@@ -46,8 +45,8 @@ fn is_over() -> bool {
     ENDS.load(Ordering::SeqCst) && ending() != here
 }
 
-/// A thread that requests the lock during shutdown is killed by the interpreter, in the middle of its work, which ends the process with an
-/// error. Such a thread is parked here instead; the process ends without it.
+/// The interpreter kills a thread that requests the lock during shutdown, which ends the process with an error. Parking it here avoids
+/// that.
 fn stay_if_over() {
     while is_over() {
         std::thread::park();
@@ -73,7 +72,7 @@ pub(crate) fn calling<R>(call: impl FnOnce() -> R) -> Option<R> {
     Some(call())
 }
 
-/// Prepares for the interpreter's shutdown: no more user functions are called, and running ones return first. Registered with `atexit`.
+/// Prepares for shutdown: no more user functions are called, and running ones return first. Registered with `atexit`.
 #[pyfunction]
 pub(crate) fn prepare_for_end(py: Python<'_>) {
     *ENDING.lock().unwrap_or_else(PoisonError::into_inner) = Some(std::thread::current().id());

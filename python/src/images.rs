@@ -1,4 +1,4 @@
-//! Decoding of images as for the files of a data set: grey from luma, depth in metres.
+//! Decoding of images as in data sets: grey from luma, depth in metres.
 
 use crate::arguments::{Depths, Pixels, colour, depth, stamp, value, words};
 use crate::camera::Camera;
@@ -128,7 +128,7 @@ struct Raw {
 }
 
 impl Handed<'_, '_> {
-    /// Checks and copies everything: Python code may change its arrays as soon as the lock is released.
+    /// Python code may change its arrays as soon as the lock is released.
     fn copy(&self, camera: &Camera, order: Order, spare: &Spare) -> PyResult<Raw> {
         let (colours, depths) = spare.take();
         let size = camera.size();

@@ -1,8 +1,7 @@
 //! The extension module behind the Python package `stillpoint_slam`.
 //!
-//! Converts NumPy arrays to frames, and poses, maps and masks to arrays. Contains no algorithms: those are in the library, and the meaning
-//! of configurations, detector names and map files is defined by the command line. Every argument is checked here, and exceptions name it;
-//! long operations run without the interpreter's lock.
+//! Converts NumPy arrays to frames, and poses, maps and masks to arrays. The algorithms are in the library; the command line defines
+//! configurations, detector names and map files. Exceptions name the invalid argument; long operations run without the interpreter's lock.
 
 mod arguments;
 mod arrays;

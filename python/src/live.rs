@@ -1,5 +1,4 @@
-//! A run with threads: tracking answers each frame before the next one is accepted, while detection, mapping and loop closure run in
-//! parallel.
+//! A run with threads: tracking answers each frame before the next is accepted; detection, mapping and loop closure run in parallel.
 
 use crate::arrays;
 use crate::detections::answer;
@@ -24,7 +23,7 @@ use stillpoint_cli::front::ResultRecorder;
 const LOOK: Duration = Duration::from_millis(200);
 /// Maximum number of frames with images queued for the surface: more than a second.
 const IMAGES: usize = 40;
-/// Maximum number of events queued before the answer to a frame: more than those of a second of mapping.
+/// Maximum number of events queued before a frame's answer: more than those of a second of mapping.
 const WAITING: usize = 1024;
 
 pub(crate) struct Live {
@@ -237,7 +236,7 @@ impl Live {
     }
 }
 
-/// A Python function as the detector of a live run, called in the detection thread whenever that is free.
+/// A Python function as the detector of a live run, called in the detection thread.
 pub(crate) struct Called(pub(crate) Py<PyAny>);
 
 impl Detector for Called {

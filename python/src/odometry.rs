@@ -178,14 +178,14 @@ pub(crate) fn rows<'py>(
     )
 }
 
-/// A prior of the camera's pose, with the variances of its motion since the previous one: position, m^2, and orientation, rad^2.
+/// A prior of the camera's pose, with variances of its motion since the previous one: position, m^2, and orientation, rad^2.
 pub(crate) struct Known {
     pose: Se3,
     variances: Option<[f64; 2]>,
 }
 
 impl Known {
-    /// From a pose, or a pair of a pose and the covariance of the motion since the previous one.
+    /// From a pose, or a pair of a pose and the covariance of its motion.
     pub(crate) fn of(found: &Bound<'_, PyAny>) -> PyResult<Self> {
         const EXPECTED: &str = "the pose of the camera as a 4x4 matrix of float64, in metres, or a pair of that and the covariance of its motion since the prior before, (6, 6), [translation; rotation] in m and rad";
         let pair = found.cast::<PyTuple>().ok().filter(|pair| pair.len() == 2);
@@ -228,7 +228,7 @@ impl Known {
         Ok(Self { pose, variances })
     }
 
-    /// The pose as a sample with cumulative deviations; `sum` are the variances summed over all motions up to it.
+    /// The pose with cumulative deviations; `sum` are the variances summed over all motions.
     pub(crate) fn sample(&self, stamp: f64, sum: &mut [f64; 2]) -> OdometrySample {
         for (sum, variance) in sum.iter_mut().zip(self.variances.unwrap_or_default()) {
             *sum += variance;

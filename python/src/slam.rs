@@ -312,7 +312,7 @@ impl Slam {
         self.intake.camera.clone()
     }
 
-    /// Makes a run over a recording record its result folder, optionally with pictures of the frames for the report.
+    /// Records the result folder of a run over a recording, optionally with pictures for the report.
     fn _keep_result(&self, py: Python<'_>, pictures: bool) -> PyResult<()> {
         if pictures {
             self.intake.keep_colour();
@@ -324,8 +324,8 @@ impl Slam {
         kept.map_err(|e| PyOSError::new_err(format!("expected to start a thread, found: {e}")))
     }
 
-    /// Writes the result folder of a finished run. `input` is path, layout and source of the camera; `how` is the command to repeat the
-    /// run, the number of unreadable frames, and the duration, s.
+    /// Writes the result folder. `input` is path, layout and source of the camera; `how` is the command to repeat the run, the number of
+    /// unreadable frames, and the duration, s.
     fn _write_result(
         &self,
         py: Python<'_>,

@@ -1,4 +1,4 @@
-//! State of the camera from topics: frames of reference, calibrations, and whether images can be converted to frames.
+//! The camera's frames of reference and calibrations, from topics.
 
 use crate::options::Options;
 use crate::{inertial, odometry};
@@ -11,7 +11,7 @@ use stillpoint::recordings::{
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::Format;
 
-/// Maximum wait for the registration of depth or for sensor mounts; then depth is used as it is or refused.
+/// Maximum wait for depth registration or sensor mounts; then depth is used as it is or refused.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Maximum number of messages of `/tf_static` stored for recordings.

@@ -19,7 +19,7 @@ pub const COLOUR: &str = "camera/color/image_raw";
 /// Topic of depth registered to the colour camera, as named by RealSense drivers.
 pub const DEPTH: &str = "camera/aligned_depth_to_color/image_raw";
 
-/// Number of images of each stream with known arrival times: more than may wait for a calibration.
+/// Number of images per stream with known arrival times: more than may wait for a calibration.
 const WHOLE: usize = 32;
 
 /// Readers of all topics.

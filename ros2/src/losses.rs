@@ -46,7 +46,7 @@ impl Losses {
         let came = [0, 1].map(|i| streams[i].count - self.came[i]);
         let lost = [0, 1].map(|i| streams[i].lost - self.lost[i]);
         if came == [0; 2] {
-            // No publisher, or nothing arrives at all: gaps become visible with the next image.
+            // Gaps become visible with the next image.
             return None;
         }
         self.since = now;

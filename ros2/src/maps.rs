@@ -53,8 +53,7 @@ pub fn load(path: &Path) -> Result<(Map, Option<[f64; 2]>), String> {
     Ok((read.map, readout))
 }
 
-/// Initialises the readout time from a map, unless the configuration sets it; the same rule as in the command line, so that replays start
-/// alike.
+/// Initialises the readout time from a map, unless the configuration sets it; as in the command line, for replays.
 pub fn start_with(config: &mut Config, known: Option<[f64; 2]>) {
     let (own, usual) = (&mut config.sensor, SensorConfig::default());
     let untouched = own.readout == usual.readout && own.readout_sigma == usual.readout_sigma;

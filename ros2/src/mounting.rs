@@ -37,7 +37,7 @@ pub fn decide(
     if patient && waited.as_secs_f64() < options.base_frame_timeout {
         return None;
     }
-    // A frame can have only one parent, so the camera's tree stays unchanged and its root is used.
+    // A frame can have only one parent, so the root of the camera's tree is used.
     let root = camera.root_of(optical);
     let pose = camera.base_from_optical(&root, optical);
     let (mount, body) = match pose.filter(|_| root != optical) {

@@ -1,7 +1,7 @@
 //! Pairing of colour and depth images, by the device's stamps.
 //!
-//! A pair is returned as soon as no later image can be closer: at once if stamps are equal or closer than half the frame interval, else
-//! with the next image. Streams may lose images, be late, or restart with another clock.
+//! A pair is returned when no later image can be closer: at once if stamps are closer than half the frame interval, else with the next
+//! image. Streams may lose images, be late, or restart with another clock.
 
 use std::collections::VecDeque;
 
@@ -125,8 +125,8 @@ impl<T> Pairing<T> {
         self.last_colour = Some(stamp);
     }
 
-    /// No later image can be closer than this, s; zero until the frame interval is known. Slightly above half the median interval, since
-    /// stamps jitter, and waiting for the next image delays by a frame.
+    /// No later image can be closer than this, s; zero while the frame interval is unknown. Slightly above half the median interval, since
+    /// stamps jitter, and waiting delays by a frame.
     fn near(&self) -> f64 {
         let mut sorted: Vec<f64> = self.intervals.iter().copied().collect();
         sorted.sort_by(f64::total_cmp);
@@ -186,7 +186,7 @@ impl<T> Pairing<T> {
             || (colour < depth && self.colour.len() > 1)
     }
 
-    /// Drops the older of two images that are too far apart: later ones are even farther from it.
+    /// Drops the older of two images that are too far apart.
     fn give_up(&mut self, colour: f64, depth: usize) {
         if self.depth[depth].0 < colour {
             self.depth.drain(..=depth);
@@ -215,7 +215,7 @@ mod tests {
     use Stream::{Colour, Depth};
     use proptest::prelude::*;
 
-    /// The pairs of a sequence of images in order of arrival, each (stream, stamp in ms).
+    /// The pairs of images in order of arrival, each (stream, stamp in ms).
     fn pairs(max_dt: f64, images: &[(Stream, i32)]) -> Vec<(i32, i32)> {
         let mut pairing = Pairing::new(max_dt);
         let mut found = Vec::new();

@@ -1,4 +1,4 @@
-//! Pictures for viewers: verdicts drawn on the image, and the mask of moving regions. Drawn only while subscribed to.
+//! Verdicts drawn on the image, and the mask of moving regions. Drawn only while subscribed to.
 
 use crate::outlet::Decided;
 use crate::outputs::Outputs;

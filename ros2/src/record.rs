@@ -1,7 +1,7 @@
-//! The recording of a run: received images in pairs, and the results.
+//! The recording of a run: pairs of images, and the results.
 //!
-//! Both images of a pair get the same log time, by which [`stillpoint::recordings`] pairs them again, so that a replay of the run's log has
-//! the tracked frames.
+//! Both images of a pair get the same log time, by which [`stillpoint::recordings`] pairs them again, so that a replay has the tracked
+//! frames.
 
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -33,14 +33,14 @@ enum Order {
     Found(Outgoing),
 }
 
-/// Accepts messages from any thread. Blocks while the disk does not keep up, since a missing frame would break the replay.
+/// Accepts messages from any thread. Blocks while the disk does not keep up: replays need every frame.
 #[derive(Clone)]
 pub struct Recorder(SyncSender<Order>);
 
 impl Recorder {
     /// Writes a received message.
     pub fn write(&self, entry: Entry) {
-        // Fails only if the thread has ended with an error that `finish` reports.
+        // Fails only after an error that `finish` reports.
         let _ = self.0.send(Order::Write(entry));
     }
 

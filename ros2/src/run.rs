@@ -25,7 +25,7 @@ use stillpoint::view::Style;
 
 /// Maximum number of events queued for publishing: more than a minute at 30 Hz.
 const EVENTS: usize = 4096;
-/// Length of the stored trajectory of a run without a log, frames: more than two minutes. The node needs no older ones.
+/// Stored trajectory of a run without a log, frames: more than two minutes, enough for the node.
 const FRAMES: usize = 4096;
 /// Maximum number of frames with images queued for the surface.
 const IMAGES: usize = 4;
@@ -210,7 +210,7 @@ impl Run {
         self.recording.is_some()
     }
 
-    /// The number of the next frame. It is consumed even if the frame cannot be decoded, as in the recording.
+    /// The number of the next frame. It is consumed even if decoding fails, as in the recording.
     pub fn number(&mut self) -> FrameId {
         self.next += 1;
         FrameId(self.next - 1)

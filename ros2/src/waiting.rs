@@ -109,7 +109,7 @@ impl Seen<'_> {
         ))
     }
 
-    /// Advice if a publisher exists but no images arrive: small messages may get through where large ones do not.
+    /// Advice if no images arrive from a publisher: small messages may get through where large ones do not.
     fn hint(&self, stream: usize, now: Instant) -> &'static str {
         let info = self.streams[stream].info;
         let infos_come = info.is_some_and(|at| now.saturating_duration_since(at) <= STOPPED);

@@ -1,4 +1,4 @@
-//! Effects of forged packets on a node: a single one can exhaust a middleware that trusts their claims.
+//! A single forged packet can exhaust a middleware that trusts its claims.
 
 use std::collections::BTreeMap;
 use std::net::UdpSocket;
@@ -105,7 +105,7 @@ fn forged_claims_are_not_believed() {
         }
         std::thread::sleep(Duration::from_millis(1));
     }
-    // A camera that joins later is still discovered and received; a node busy with noting missing messages would do neither.
+    // A camera that joins later is still discovered and received.
     let mut camera = join("camera", domain);
     let later = camera.publish("/image", TYPE, Quality::DEFAULT).unwrap();
     meet([&mut ours, &mut camera], &later);

@@ -2,8 +2,8 @@
 
     python software_realsense.py FOLDER OUT.db3 FRAMES
 
-Needs PyPI `pyrealsense2`, `numpy` and `pillow`. The folder is in the TUM layout with a `camera.toml` without distortion, as written by `stillpoint
-simulate`; with `imu.csv` (`stillpoint simulate --imu`) gyroscope and accelerometer are recorded as on a D435i, in separate streams, with the mount of `camera.toml`.
+Needs PyPI `pyrealsense2`, `numpy` and `pillow`. The folder is in the TUM layout with a `camera.toml` without distortion, as from `stillpoint simulate`. With
+`imu.csv` (`stillpoint simulate --imu`) gyroscope and accelerometer are recorded as on a D435i, in separate streams, with the mount of `camera.toml`.
 """
 
 import os

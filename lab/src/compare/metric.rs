@@ -4,7 +4,7 @@ use super::statistics::{Estimate, Sum, enough};
 use crate::results::{Figures, Run};
 use crate::table::{self, figure};
 
-/// Relative differences of times and memory below this are ignored: two processes of one program differ as much.
+/// Smaller relative differences of times and memory are ignored: two processes of one program differ as much.
 const MARGIN: f64 = 0.05;
 
 pub(super) struct Metric {
@@ -104,7 +104,7 @@ impl Metric {
         }
     }
 
-    /// B / A or B - A. `None` if a value is missing, or the ratio is not positive and finite.
+    /// B / A or B - A. `None` if undefined.
     pub(super) fn contrast(&self, (a, b): &(Run, Run)) -> Option<f64> {
         let of = |r: &Run| r.figures.as_ref().and_then(self.of);
         let (a, b) = (of(a)?, of(b)?);
@@ -117,7 +117,7 @@ impl Metric {
         (value.is_finite() && (self.sum == Sum::Differences || value > 0.0)).then_some(value)
     }
 
-    /// The verdict on the contrasts of each input, `independent` of which are independent.
+    /// `independent` of the contrasts are independent.
     pub(super) fn judge(
         &self,
         contrasts: &[Vec<f64>],

@@ -1,4 +1,4 @@
-//! `lab compare`: whether the runs of B differ from those of A by more than seeds do.
+//! `lab compare`: whether A and B differ by more than seeds do.
 
 mod metric;
 mod pairs;
@@ -113,7 +113,7 @@ impl Comparison {
     }
 }
 
-/// Messages for inputs whose images were rendered by different programs for A and B.
+/// Warnings about images rendered by different programs.
 fn other_images(groups: &[Group]) -> Vec<String> {
     let differ = |g: &&Group| g.pairs.iter().any(|(a, b)| a.renderer != b.renderer);
     let said = |g: &Group| {
@@ -125,7 +125,7 @@ fn other_images(groups: &[Group]) -> Vec<String> {
     groups.iter().filter(differ).map(said).collect()
 }
 
-/// Pairs in which a side has no error: a message, and whether only B lacks it.
+/// Warnings about missing errors, and whether only B lacks one.
 fn broken(groups: &[Group]) -> Vec<(String, bool)> {
     let mut all = Vec::new();
     let ate = |r: &Run| r.figures.as_ref().and_then(|f| f.ate_mm).is_some();

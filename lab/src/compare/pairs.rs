@@ -5,10 +5,10 @@ use crate::results::{Run, read, runs};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// The key of a pair: input, variant (if it matters), maximum number of frames, seed.
+/// Key of a pair: input, variant (if relevant), frames at most, seed.
 type Common = (String, String, Option<u64>, u64);
 
-/// Runs selected by `FILE` or `FILE#WHICH`: WHICH is a variant, or the beginning of a commit or of a program's hash.
+/// Runs selected by `FILE` or `FILE#WHICH`, see [`super::Arguments`].
 pub(crate) fn side(named: &str) -> Result<Vec<Run>, Failure> {
     let (file, which) = match named.rsplit_once('#') {
         Some((file, which)) => (file, Some(which)),
@@ -41,8 +41,8 @@ pub(crate) struct Group {
 }
 
 impl Group {
-    /// Number of independent pairs when inputs are judged together. A recording, or a scene with a fixed seed, counts once: its seeds share
-    /// the images, and so their chance effects.
+    /// Number of independent pairs when inputs are judged together. A recording or a scene with a fixed seed counts once, since its seeds
+    /// share the images.
     pub(crate) fn independent(&self) -> usize {
         let own = |(a, _): &(Run, Run)| {
             let input = &a.key.input;
@@ -63,7 +63,7 @@ pub(crate) struct Pairs {
     pub(crate) alone: Vec<String>,
 }
 
-/// Pairs the runs of two sides. Variant names are ignored if each side has only one.
+/// Ignores variant names if each side has only one.
 pub(crate) fn pair(a: Vec<Run>, b: Vec<Run>) -> Result<Pairs, Failure> {
     let variants =
         |runs: &[Run]| -> BTreeSet<String> { runs.iter().map(|r| r.key.variant.clone()).collect() };

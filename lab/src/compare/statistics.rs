@@ -1,7 +1,6 @@
 //! Confidence intervals of differences: percentile bootstrap (Efron) over inputs and over the seeds of each input.
 //!
-//! Inputs are resampled too: a recording responds to any change a little by chance, whatever the seed, and a difference should hold for
-//! other inputs of the kind.
+//! Inputs are resampled too, because a difference should hold for other inputs of the kind.
 
 use crate::table::spread;
 use stillpoint::estimation::{Purpose, Rng, rng};
@@ -52,7 +51,7 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / n
 }
 
-/// The estimate over inputs, each with a value per seed. A share `outside` of the resamples lies outside the interval.
+/// `inputs`: a value per seed. A share `outside` of the resamples lies outside the interval.
 pub(crate) fn estimate(inputs: &[Vec<f64>], sum: Sum, outside: f64) -> Estimate {
     let mut random = rng(SEED, 0, DRAWS);
     let mut drawn = Vec::new();
@@ -80,7 +79,7 @@ fn redraw(drawn: &mut Vec<f64>, values: &[f64], random: &mut Rng) {
     drawn.extend(values.iter().map(|_| values[random.below(values.len())]));
 }
 
-/// Whether a number of independent pairs can show a difference: all of them agreeing by chance must be rarer than `outside`.
+/// Whether this many independent pairs agree by chance more rarely than `outside`.
 pub(crate) fn enough(independent: usize, outside: f64) -> bool {
     0.5_f64.powi(independent as i32 - 1) <= outside
 }
@@ -104,7 +103,7 @@ mod tests {
         assert_eq!((all.value, all.low, all.high), (1.0, 1.0, 1.0));
     }
 
-    /// The interval of a mean is known: 1.96 of its standard deviations to both sides.
+    /// 1.96 standard deviations of the mean to both sides.
     #[test]
     fn the_interval_is_as_wide_as_theory_says() {
         let mut random = rng(7, 0, DRAWS);

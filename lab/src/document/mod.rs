@@ -1,7 +1,7 @@
 //! `lab document`: generates the tables in the documents from result files.
 //!
-//! A document contains `<!-- lab: NAME -->` and later `<!-- /lab -->`; the text between them is generated from `lab/results/NAME.jsonl`.
-//! `NAME 2` is the second table of that file; `NAME bare` omits the line about the table's origin.
+//! The text between `<!-- lab: NAME -->` and `<!-- /lab -->` is generated from `lab/results/NAME.jsonl`. `NAME 2` is the second table of
+//! that file; `NAME bare` omits the line about the table's origin.
 
 mod regions;
 

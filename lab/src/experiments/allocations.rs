@@ -1,6 +1,6 @@
-//! Allocations of tracking, per frame that becomes no keyframe, by stage; the allocations of nested stages are not counted twice.
+//! Allocations of tracking by stage, without nested stages, per frame that becomes no keyframe.
 
-// A global allocator; other experiments pay one count per call (a thousandth of a frame's time).
+// A global allocator, which costs other experiments a thousandth of a frame's time.
 #[path = "../../../crates/stillpoint/tests/counting.rs"]
 mod counting;
 

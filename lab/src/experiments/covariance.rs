@@ -1,8 +1,8 @@
 //! Calibration of pose covariances: the share of 90 % intervals that contain the true value.
 //!
-//! A row per input. Single poses are those of `trajectory.txt`, aligned with the ground truth as evo does, with the covariance relative to
-//! the map's origin; the control leaves out the map's own uncertainty. Motions are over one second. Poses known at each frame have the
-//! covariance that an EKF gets. The exit code is 1 if the coverage of positions is outside its bounds.
+//! A row per input. Single poses are those of `trajectory.txt`, aligned as evo does, with the covariance relative to the map's origin; the
+//! control leaves out the map's uncertainty. Motions are over one second. Poses known at each frame have the covariance for an EKF. The
+//! exit code is 1 if the coverage of positions is outside its bounds.
 
 use crate::Failure;
 use crate::experiments::shared::{code, next_readable, scene, timed, truth};

@@ -1,4 +1,4 @@
-//! Starts in a crowd: simulated scenes that begin with people covering a quarter to half of the image, evaluated against exact poses.
+//! Starts in a crowd: scenes that begin with people covering a quarter to half of the image.
 //!
 //! A row per scene and contestant, with the median and the worst of the seeds. The exit code is 1 if a bound is missed.
 
@@ -27,7 +27,7 @@ const SCENES: [&str; 7] = [
 ];
 /// Error above which a confident pose counts as wrong, m.
 const WRONG: f64 = 0.1;
-/// Maximum by which a run's final poses may be worse than those known at each frame, mm: other refinement has errors of this size.
+/// Maximum by which final poses may be worse than online ones, mm: other refinement has errors of this size.
 const WORSE: f64 = 3.0;
 
 /// Evaluates starts in a crowd against exact poses, with a simulated detector and without
@@ -49,7 +49,7 @@ enum Contestant {
     /// With the simulated detector.
     Detector,
     Alone,
-    /// Control: without the static filter, and so without any handling of starts among people.
+    /// Control: without the static filter and its handling of starts among people.
     Unfiltered,
 }
 
@@ -68,7 +68,7 @@ impl Contestant {
         }
     }
 
-    /// Maximum error in a scene, mm, and minimum share of frames with a pose.
+    /// Maximum error, mm, and minimum share of frames with a pose.
     fn bars(self, scene: &str) -> (f64, f64) {
         if scene.ends_with("coat") || scene.ends_with("pitch") {
             // The camera is slow, so no frame needs to be lost.
@@ -109,7 +109,7 @@ struct Score {
     /// ATE of the poses known at each frame, mm.
     online: f64,
     poses: f64,
-    /// Frames with a final error above [`WRONG`] that were neither undecided nor lost.
+    /// Frames above [`WRONG`] that were neither undecided nor lost.
     wrong: usize,
 }
 
@@ -153,7 +153,7 @@ fn score(
 ) -> Score {
     system.finish();
     let poses = final_poses(&system);
-    // A run with hardly a pose has no error, and fails by its share of poses.
+    // Without enough poses there is no error, and the share of poses fails.
     let done = evaluate(truth, &poses, &EvalOptions::default()).ok();
     let wrong = done.iter().flat_map(|d| &d.ate.pairs);
     let wrong = wrong.filter(|p| p.error > WRONG && !undecided.contains(&p.stamp.to_bits()));

@@ -1,5 +1,5 @@
-//! Detection times: models x input sizes x runtimes x threads, with pre- and postprocessing separate from the network. Medians over rounds
-//! in which all cases take turns, so that other load on the machine affects all alike.
+//! Detection times: models x input sizes x runtimes x threads, with pre- and postprocessing separate. Medians over rounds in which all
+//! cases take turns, so that other load affects all alike.
 //!
 //! A `MODEL.toml` beside a model is its card.
 
@@ -192,7 +192,7 @@ impl Case {
     }
 }
 
-/// Costs as much as other images: only decoding depends on values, and finds nothing.
+/// As costly as others: only decoding depends on values, and finds nothing.
 fn pattern(width: usize, height: usize) -> ColourImage {
     let data = (0..3 * width * height)
         .map(|i| (i * 7 % 251) as u8)

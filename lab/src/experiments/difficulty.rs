@@ -1,5 +1,4 @@
-//! Difficulty of the simulated scenes for a feature tracker, compared with a real recording: freiburg1_xyz of the TUM RGB-D benchmark, if
-//! available.
+//! Difficulty of the simulated scenes for a feature tracker, compared with freiburg1_xyz of the TUM RGB-D benchmark, if available.
 
 use crate::Failure;
 use crate::experiments::shared::{pose_at, scene};
@@ -36,7 +35,7 @@ struct Figures {
     grey: f64,
     pairs: f64,
     matches: f64,
-    /// Matches with depth, and how many of them are within 2 and 4 px of the position predicted by the true motion.
+    /// Matches with depth, and those within 2 and 4 px of the true motion.
     with_depth: f64,
     within: [f64; 2],
     tracks: f64,
@@ -69,7 +68,7 @@ impl Meter {
         }
     }
 
-    /// Adds the next frame; `first` begins a window. `pose` returns the true pose at a stamp.
+    /// `first` begins a window. `pose` returns the true pose at a stamp.
     fn add(&mut self, frame: RgbdFrame, first: bool, pose: &dyn Fn(f64) -> Option<Se3>) {
         let mut features = Features::default();
         self.extractor.extract(&frame.gray, &mut features);
@@ -96,7 +95,7 @@ impl Meter {
         });
     }
 
-    /// Matches two frames and extends the tracks of matches that agree with the true motion.
+    /// Matches two frames and extends tracks that agree with the true motion.
     fn compare(
         &mut self,
         last: &Seen,
@@ -206,7 +205,7 @@ fn measure_scene(name: &str, window: usize) -> Result<Vec<f64>, Failure> {
     Ok(meter.finish())
 }
 
-/// Features per 1000 px on movers and elsewhere, the movers' share of all features and of the image.
+/// Features per 1000 px on movers and elsewhere, movers' share of features and of the image.
 fn features_on_movers(name: &str) -> Result<[f64; 4], Failure> {
     let sim = scene(name, 0, None)?;
     let mut extractor = OrbExtractor::new(&OrbConfig::default(), Simd::detect());

@@ -46,8 +46,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// D of all features that have one, px, at most 4. Without boxes D equals the preset's risk of a feature, which is exactly 0 for those
-/// without a match.
+/// D of all features that have one, px, at most 4. Without boxes D equals the preset's risk, which is exactly 0 without a match.
 fn distances(path: &Path) -> Result<Vec<f32>, Failure> {
     let input = open(path, &OpenOptions::default())?;
     let mut config = Config::default();

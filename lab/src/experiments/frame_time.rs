@@ -1,8 +1,8 @@
 //! Tracking time per frame, by stage, without reading images and without a detector.
 //!
-//! All passes compute identical results. For every frame and stage the minimum over the passes counts, to exclude other load on the
-//! machine; the table has the median, the 99 % quantile and the mean over the frames. `frame` contains the stages `extract` to `keyframe`,
-//! and `rest`, its remainder. Mapping runs once per keyframe and is not included.
+//! For every frame and stage the minimum over identical passes counts, to exclude other load; the table has the median, the 99 % quantile
+//! and the mean over the frames. `frame` contains the stages `extract` to `keyframe`, and `rest`, its remainder. Mapping, once per
+//! keyframe, is not included.
 
 use crate::Failure;
 use crate::experiments::shared::next_readable;
@@ -79,7 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Keeps the minimum time of every stage, and of the remainder. Spans outside frames and nested spans are ignored.
+/// Keeps the minimum time of every stage and of the remainder, without nested spans.
 fn keep_least(least: &mut BTreeMap<&'static str, f64>, now: &Times) {
     let Some(frame) = now.get(&("", "frame")) else {
         return;

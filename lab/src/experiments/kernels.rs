@@ -1,7 +1,7 @@
 //! Runs one kernel repeatedly on simulated images of 640x480, for external counting of instructions as in `tools/arm/count.sh`.
 //!
-//! Preparation does not depend on the number of repetitions, so the difference of two runs is the kernel alone. Prints a digest of the
-//! results. Images are rendered into a folder by a run of their own, because rendering takes longer than the kernels.
+//! Preparation is independent of the number of repetitions, so the difference of two runs is the kernel alone. Prints a digest of the
+//! results. A separate run renders the images, which takes longer than the kernels.
 
 use crate::Failure;
 use crate::experiments::shared::scene;
@@ -99,7 +99,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes every frame to its own file: stamp and pose of its depth, depths, colours.
+/// Writes each frame to a file: stamp and pose of its depth, depths, colours.
 fn render(folder: &Path) -> Result<ExitCode, Failure> {
     let simulator = scene("walking_xyz", 0, Some(FRAMES))?;
     std::fs::create_dir_all(folder)?;
@@ -249,7 +249,7 @@ impl Task {
         }))
     }
 
-    /// Fuses frames at their true poses, after two that are already in the map.
+    /// Fuses frames at true poses, after two that are already in the map.
     fn fuse(&self) -> Result<u64, Failure> {
         let mut fuser = Fuser::new(&DenseConfig::default(), &self.camera, self.simd)?;
         for index in [0, 3] {

@@ -1,4 +1,4 @@
-//! Benefit of loop closure, and evaluation of every loop: rendered scenes or recordings, each with loop closure and without.
+//! Benefit of loop closure, and evaluation of every loop: rendered scenes or recordings, with and without loop closure.
 //!
 //! The table has a row per scene, with true and false loops and their odds. The exit code is 1 if a false loop is closed, or if a true loop
 //! is closed in less than 95 of 100 runs with few keyframes, fast motion and wide baselines.
@@ -142,7 +142,7 @@ impl Contestant {
     }
 }
 
-/// Rows of the table: scene, frame interval, and whether a true loop has to be closed despite few keyframes or wide baselines.
+/// Scene, frame interval, and whether a true loop has to be closed despite few keyframes or wide baselines.
 const TABLE: [(&str, usize, bool); 11] = [
     ("loop_two_rooms", 2, false),
     ("loop_in_haste", 1, false),
@@ -156,12 +156,12 @@ const TABLE: [(&str, usize, bool); 11] = [
     ("loop_in_haste", 3, true),
     ("loop_in_haste", 4, true),
 ];
-/// Maximum error of an edge between views of the same place, m: other errors are 2 m and more.
+/// Maximum error of edges between views of one place, m: others are off by 2 m and more.
 const SAME_PLACE_M: f64 = 0.5;
 /// Minimum share of hard runs in which a true loop is closed.
 const BAR: f64 = 0.95;
 
-/// Edges of one kind in a row of the table: of the same place, exact or not, or of another.
+/// Edges of the same place, exact or not, or of another.
 #[derive(Default)]
 struct Edges {
     closed: usize,
@@ -189,7 +189,7 @@ impl Edges {
     }
 }
 
-/// One run of the table: loop candidates with an edge, and the true transform between their keyframes.
+/// Loop candidates with an edge, and the true transform between their keyframes.
 fn run_of_table(
     simulator: &Simulator,
     every: usize,
@@ -208,7 +208,7 @@ fn run_of_table(
     Ok(loops.collect())
 }
 
-/// True and false edges of a row. Prints closed loops that are inexact or false.
+/// True and false edges. Prints closed loops that are inexact or false.
 fn sort(runs: &[Vec<(Se3, Se3, LoopReport)>], row: &str) -> [Edges; 2] {
     let (mut right, mut wrong) = (Edges::default(), Edges::default());
     for (seed, loops) in runs.iter().enumerate() {
@@ -281,13 +281,13 @@ fn table(
     Ok(code(met))
 }
 
-/// Whether an edge is within 10 cm and 5 degrees of the ground truth.
+/// Within 10 cm and 5 degrees of the ground truth.
 fn is_true(with_from_keyframe: Se3, edge: Se3) -> bool {
     let off = with_from_keyframe.inverse() * edge;
     off.translation.norm() <= 0.1 && off.rotation.angle().to_degrees() <= 5.0
 }
 
-/// Prints the outcome of a candidate; returns whether it was closed with an error above 10 cm or 5 degrees.
+/// Prints a candidate; returns whether it was closed with an error above 10 cm or 5 degrees.
 fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
     let error = l.edge.map(|edge| {
         let error = with_from_keyframe.inverse() * edge;
@@ -322,7 +322,7 @@ fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
     l.outcome == LoopOutcome::Closed && !l.edge.is_some_and(|e| is_true(with_from_keyframe, e))
 }
 
-/// Runs a recording three times; the third run must give the same bytes as the second.
+/// The third run must give the same bytes as the second.
 fn recording(folder: &Path) -> Result<ExitCode, Failure> {
     let dataset = Dataset::open(folder, &OpenOptions::default())?;
     let camera = dataset.camera().camera;
@@ -356,7 +356,7 @@ fn recording(folder: &Path) -> Result<ExitCode, Failure> {
     Ok(code(same))
 }
 
-/// Runs a scene with loop closure and without, seed by seed; prints times.
+/// Runs a scene with loop closure and without; prints times.
 fn of_scene(
     name: &str,
     seeds: std::ops::Range<u64>,

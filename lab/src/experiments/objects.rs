@@ -1,4 +1,4 @@
-//! Tracked people compared with the simulator's ground truth: scenes with a detector that misses 30 %.
+//! Tracked people compared with ground truth: scenes with a detector that misses 30 %.
 //!
 //! A row per scene, with the median over the seeds and, in brackets, the worst.
 
@@ -117,7 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let mut table = Table::new("scene | MOTA | IDF1 | HOTA | switches | ids of 2 people | ghosts per frame | speed error, m/s".split(" | "));
     for scene in &arguments.scenes {
         let scores = each_seed(seeds, |seed| measure(scene, seed, frames, &noise))?;
-        // The worst is the minimum of figures that should be large, and the maximum of the others.
+        // The worst is the minimum of figures that should be large, else the maximum.
         let cell = |digits: usize, worst: usize, f: &dyn Fn(&TrackScore) -> f64| {
             let spread = spread(scores.iter().map(f));
             format!("{:.digits$} ({:.digits$})", spread[0], spread[worst])

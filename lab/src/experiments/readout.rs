@@ -1,5 +1,4 @@
-//! Estimation of the rolling shutter's readout time, and cost of the static filter in static scenes: simulated turns with known readout
-//! times.
+//! Estimated readout time, and cost of the static filter in static scenes: simulated turns with known readout times.
 //!
 //! A row per scene and true readout time. The exit code is 1 if a bound is missed.
 

@@ -1,9 +1,9 @@
 //! A long run: a simulated camera walks repeatedly through the same two rooms, in a map with limited keyframes. Prints memory, time per
-//! frame and error for every minute of camera time. The exit code is 1 if the last minute is worse than the second.
+//! frame and error per minute of camera time. The exit code is 1 if the last minute is worse than the second.
 //!
-//! Images have 320x240 px. With a surface fused in the same run, its memory is printed, and is part of the judged memory. The driver is the
-//! inline one, so that poses and map are the same on every machine. Time per frame is CPU time without rendering; because other load still
-//! slows it, it is compared relative to interleaved extractions of features from one fixed image.
+//! Images have 320x240 px. The memory of a surface fused in the same run is also judged. The driver is inline, so poses and map are
+//! reproducible. Time per frame is CPU time without rendering, relative to interleaved feature extractions from one fixed image, because
+//! other load still slows it.
 
 use crate::Failure;
 use crate::experiments::shared::process::{computed, memory_mb};

@@ -1,6 +1,5 @@
-//! `lab sweep`: input x variant x seed, a line of a result file per run.
-//!
-//! Every run is a separate process. Runs already in the file are skipped, so an interrupted sweep can be resumed.
+//! `lab sweep`: input x variant x seed, a process and a line of a result file per run. Existing runs are skipped, so a sweep can be
+//! resumed.
 
 pub(crate) mod prepared;
 pub(crate) mod program;
@@ -336,7 +335,7 @@ fn carry_out(
             });
         }
         drop(sender);
-        // If a line cannot be written, the receiver is dropped, and the other threads stop after their current run.
+        // If a line cannot be written, the receiver is dropped, and other threads stop after their run.
         for (i, run) in receiver.into_iter().enumerate() {
             if run.error.is_none() {
                 eprintln!("{}/{count} {}", i + 1, said(&run));

@@ -1,4 +1,4 @@
-//! A folder or recording with its ground truth, shared by runs. Scenes are rendered for the first run, and removed after the last.
+//! A folder or recording with its ground truth, shared by runs. Scenes are rendered before the first run and removed after the last.
 
 use super::program::Program;
 use crate::Failure;
@@ -25,7 +25,7 @@ pub(crate) struct Ready {
 }
 
 impl Prepared {
-    /// Renders nothing yet. `work` contains rendered scenes; with `keep` they stay, and existing ones are reused.
+    /// Renders nothing yet. With `keep`, scenes in `work` stay and are reused.
     pub(crate) fn new(
         input: Input,
         seed: u64,

@@ -17,8 +17,7 @@ pub(crate) struct Program {
 }
 
 impl Program {
-    /// Runs it to its end, with its output in a file in `scratch`. Exit codes other than 0 and 1 are errors: 1 means lost frames, which are
-    /// a figure.
+    /// Writes the output to a file in `scratch`. Exit codes other than 0 and 1 are errors: 1 means lost frames, which are a figure.
     pub(crate) fn call<S: AsRef<OsStr>>(
         &self,
         words: impl IntoIterator<Item = S>,
@@ -79,7 +78,7 @@ impl Program {
     }
 }
 
-/// The exit status of a child. At the timeout the child is killed, and `None` returned.
+/// Kills the child at the timeout and returns `None`.
 fn wait(command: &mut Command, timeout: Duration) -> std::io::Result<Option<ExitStatus>> {
     let (mut child, begun) = (command.spawn()?, Instant::now());
     loop {

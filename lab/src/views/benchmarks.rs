@@ -4,7 +4,7 @@ use super::{Row, megabytes, rows};
 use crate::results::{Figures, Live, Run, Time};
 use crate::table::{ABSENT, Align, Table, figure, spread};
 
-/// ATE, mm: median over the seeds and, after the slash, the worst if it differs; with the share of frames with a pose if some have none.
+/// ATE, mm: median over the seeds, slash, the worst if it differs; and the share of frames with a pose if some have none.
 pub(crate) fn position(row: &[&Figures]) -> String {
     let [median, _, worst] = spread(row.iter().filter_map(|f| f.ate_mm)).map(|v| figure(v, 1));
     let error = if median == worst {

@@ -47,7 +47,7 @@ impl Row<'_> {
     }
 }
 
-/// A row per input and variant: medians over the seeds, with the range if they differ; frames summed over the seeds.
+/// A row per input and variant: medians over the seeds, ranges if they differ; frames are summed.
 pub(crate) fn sweep(runs: &[Run]) -> Table {
     let mut table = Table::new([
         "input",
@@ -89,8 +89,8 @@ pub(crate) fn sweep(runs: &[Run]) -> Table {
     table
 }
 
-/// A row per program, for README: median errors by input with their range, and frames without a pose; times of the fastest and the slowest
-/// input, peak memory. A first frame without a pose is not counted as lost.
+/// A row per program, for README: median errors by input with ranges, and frames without a pose (except a first one); times of the fastest
+/// and the slowest input, peak memory.
 pub(crate) fn peers(runs: &[Run], names: &[(&str, &str, &str)]) -> Table {
     let rows = rows(runs);
     let mut inputs: Vec<&str> = Vec::new();

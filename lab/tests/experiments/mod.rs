@@ -1,4 +1,4 @@
-//! Every experiment in a tiny size: it prints its table, and its exit code states whether the bounds are met.
+//! Every experiment in a tiny size prints its table, and its exit code states whether the bounds are met.
 
 mod recorded;
 mod simulated;

@@ -1,5 +1,4 @@
-//! Announces which readers and writers belong to the node, for `ros2 node list` and `ros2 node info` ("Node to Participant mapping",
-//! design.ros2.org).
+//! Announces the node's readers and writers, for `ros2 node list` and `ros2 node info` ("Node to Participant mapping", design.ros2.org).
 
 use crate::bus::raw::RawAdapter;
 use crate::bus::{BusError, Quality, Writer};

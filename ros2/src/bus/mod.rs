@@ -1,6 +1,4 @@
-//! Topics and services of ROS 2 over RTPS, with messages as bytes.
-//!
-//! Sends and receives bytes, and discovers other nodes. Does not know message types or frames.
+//! Topics and services of ROS 2 over RTPS, with messages as bytes, and discovery of other nodes.
 
 mod discovery;
 mod matches;
@@ -238,7 +236,7 @@ impl Bus {
         }
     }
 
-    /// Whether a publisher of this reader's topic offers incompatible quality of service; each event is reported once.
+    /// Whether a publisher offers incompatible quality of service; each event is reported once.
     pub fn take_misfit(&mut self, reader: &Reader) -> bool {
         let before = self.misfits.len();
         self.misfits.retain(|guid| *guid != reader.guid());
@@ -252,7 +250,7 @@ impl Bus {
     }
 }
 
-/// User data of readers and writers with the type's hash, as announced since Iron (`rmw_dds_common`).
+/// User data with the type's hash, as announced since Iron (`rmw_dds_common`).
 fn user_data(hash: &str) -> Vec<u8> {
     format!("typehash={hash};").into_bytes()
 }

@@ -81,7 +81,7 @@ pub struct Received {
     pub(crate) at: Timestamp,
     /// Its writer and sequence number.
     pub(crate) identity: SampleIdentity,
-    /// The message it answers, or the identity that its answer should refer to.
+    /// The message it answers, or the identity for its answer.
     pub(crate) related: Option<SampleIdentity>,
 }
 
@@ -136,7 +136,7 @@ impl Reader {
     /// The next message, if available. Skips samples that are not messages.
     pub fn take(&self) -> Option<Received> {
         self.inner.drain_read_notifications();
-        // An error concerns one sample, which is then removed; the limit is never reached.
+        // An error removes one sample; the limit is never reached.
         for _ in 0..1000 {
             match self.inner.try_take_one() {
                 Ok(sample) => return sample.map(received),
@@ -193,7 +193,7 @@ impl Writer {
         self.others.count()
     }
 
-    /// Sends CDR with its encapsulation header. Returns false if the middleware cannot queue it, because reliable readers do not keep up.
+    /// Sends CDR with its encapsulation header. Returns false if reliable readers do not keep up.
     pub fn send(&self, bytes: &[u8]) -> bool {
         self.inner.write(Raw(bytes.to_vec()), None).is_ok()
     }

@@ -1,8 +1,7 @@
 //! Services: a topic of requests and one of answers.
 //!
-//! Vendors differ in how an answer refers to its request. Fast DDS and RustDDS send the request's identity beside the message ("enhanced"
-//! mapping of DDS-RPC); rmw_cyclonedds prepends half of the client's id and a number. The first two bytes of a client's id are the vendor's
-//! number.
+//! Answers refer to requests in two ways. Fast DDS and RustDDS send the request's identity beside the message ("enhanced" mapping of
+//! DDS-RPC); rmw_cyclonedds prepends half of the client's id and a number. A client's id begins with the vendor's number, two bytes.
 
 use crate::bus::{Bus, BusError, Quality, Reader, Received, Writer};
 use crate::names::service_on_wire;

@@ -253,7 +253,7 @@ impl Node {
         }
     }
 
-    /// Converts a pair to a frame and passes it on. Returns false if the pair has to wait for missing messages.
+    /// Converts a pair to a frame and passes it on. Returns false if messages are missing.
     fn take_pair(&mut self, pair: &Pair<Vec<u8>>) -> Result<bool, String> {
         let topics = self.intake.topics().clone();
         let read = |bytes, compressed| {

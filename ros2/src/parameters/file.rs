@@ -9,7 +9,7 @@ use yaml_rust2::{Yaml, YamlLoader};
 /// Maximum size of a parameter file, bytes.
 const LARGEST: u64 = 1 << 22;
 
-/// The parameters of a node: entries for `/**`, its name, or its name with namespace, in the order of the file.
+/// The entries for `/**`, the node's name, or its name with namespace, in the order of the file.
 pub(super) fn read(path: &Path, node: &NodeName) -> Result<Vec<(String, Value)>, String> {
     let refuse = |expected: &str, found: &dyn std::fmt::Display| {
         format!(

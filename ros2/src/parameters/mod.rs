@@ -226,7 +226,7 @@ fn fit(value: &Value, like: &Value) -> Option<Value> {
         (Value::Integers(l), Value::Doubles(_)) => {
             Some(Value::Doubles(l.iter().map(|i| *i as f64).collect()))
         }
-        // A word that YAML parses as another type, such as a frame named by a number.
+        // A word that YAML parses as another type.
         (Value::Integer(i), Value::Text(_)) => Some(Value::Text(i.to_string())),
         _ if value.type_number() == like.type_number() => Some(value.clone()),
         _ => None,

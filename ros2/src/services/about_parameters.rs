@@ -6,7 +6,7 @@ use crate::value::Value;
 use std::borrow::Cow;
 use stillpoint::ros_messages as ros;
 
-/// The answer to a request about parameters; `None` for an unreadable one, whose client gets no answer, as with any node.
+/// The answer to a request about parameters; none to an unreadable one, as with any node.
 pub(super) fn about_parameters(
     kind: Kind,
     request: &[u8],

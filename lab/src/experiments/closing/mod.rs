@@ -1,10 +1,9 @@
 //! Time and memory of closing one loop at the end of a long path: only the loop closer, on a synthetic map.
 //!
-//! Keyframes are 0.2 m apart on a circle. Each observes 400 of the points along it, twice as many as real ones, and its other features are
-//! observed once; the last keyframes observe the points of the first. Times are given per span, including nested ones: `recognise` and
-//! `verify` (place recognition), `drift` and `straighten` (pose graph), `merge` (fusion), `adjust` (global bundle adjustment). Each process
-//! makes one run, to measure its own peak memory. Times are CPU times, which the machine's load does not affect; where the system does not
-//! report them, wall-clock times.
+//! Keyframes are 0.2 m apart on a circle. Each observes 400 of the points along it, twice as many as real ones, and further features that
+//! no other keyframe observes; the last keyframes observe the points of the first. Times per span include nested spans: `recognise` and
+//! `verify` (place recognition), `drift` and `straighten` (pose graph), `merge` (fusion), `adjust` (global bundle adjustment). One run per
+//! process, to measure its peak memory.
 
 mod memory;
 #[path = "../../../../crates/slam/tests/closing/world.rs"]
@@ -22,7 +21,7 @@ use world::{STEP_M, Walk, World};
 
 const BACK: u32 = 30;
 
-/// Measures time and memory of closing one loop at the end of a long path
+/// Measures time and memory of one loop closure after a long path
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[arg(default_value_t = 2000, value_parser = clap::value_parser!(u32).range(100..))]

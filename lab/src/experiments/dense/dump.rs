@@ -8,8 +8,8 @@ use stillpoint::geometry::{Camera, Se3, Vec2};
 use stillpoint::imaging::FrameSource;
 use stillpoint::recordings;
 
-/// The output folder: `camera.txt` (width height fx fy cx cy), `poses.txt` (16 numbers a line, camera to world), and per frame `N.depth`
-/// (16 bits, 5000 per metre) and `N.rgb`.
+/// `camera.txt` (width height fx fy cx cy), `poses.txt` (16 numbers a line, camera to world), and per frame `N.depth` (16 bits, 5000 per
+/// metre) and `N.rgb`.
 struct Dump<'a> {
     dir: &'a Path,
     poses: String,

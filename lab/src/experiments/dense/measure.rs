@@ -22,7 +22,7 @@ impl Judge {
         })
     }
 
-    /// Adds a row: distances of a surface to the true one, and completeness.
+    /// Adds a row: distances to the true surface, and completeness.
     pub(super) fn add(&mut self, surface: &str, points: &[Vec3]) {
         let mut distances: Vec<f64> = points.iter().map(|p| self.faces.distance(p)).collect();
         let far = distances.iter().filter(|d| **d > 0.1).count();
@@ -51,7 +51,7 @@ impl Judge {
     }
 }
 
-/// Number of measured points of the true surface, and how many of them have a point of the map within 2 cm.
+/// Measured points of the true surface, and those with a point of the map within 2 cm.
 fn completeness(truth: &[Vec3], points: &[Vec3]) -> (usize, usize) {
     let cell = |p: &Vec3| <[i32; 3]>::from(p.map(|v| (v / 0.02).floor() as i32));
     let mut cells: Vec<([i32; 3], usize)> = points
@@ -74,7 +74,7 @@ fn completeness(truth: &[Vec3], points: &[Vec3]) -> (usize, usize) {
     (truth.len(), truth.iter().filter(|p| near(p)).count())
 }
 
-/// Points of the true surface, on a grid of spacing `apart` (m), that were measured in at least three frames.
+/// Points of the true surface, `apart` m from each other, that were measured in at least three frames.
 pub(super) fn measured(scene: &Scene, apart: f64) -> Result<Vec<Vec3>, Failure> {
     let sim = scene.simulator()?;
     let ideal = Simulator::new(&SimulatorConfig {

@@ -1,4 +1,4 @@
-//! Evaluation of the dense map: accuracy of its surface, remains of people in it, and the cost of fusing a frame.
+//! Evaluation of the dense map: accuracy, remains of people, cost of fusing a frame.
 
 mod cost;
 mod dump;
@@ -133,7 +133,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Every second frame: 15 Hz, the rate at which a run fuses frames.
+/// 15 Hz, the rate at which a run fuses frames.
 fn chosen(sim: &Simulator) -> impl Iterator<Item = usize> + use<> {
     (0..sim.len()).step_by(2)
 }
@@ -172,7 +172,7 @@ fn fused(
     Ok(fuser.map().clone())
 }
 
-/// Evaluates the first half, the second half, both merged, and all frames in one run.
+/// Evaluates both halves, their merger, and all frames in one run.
 fn merged(scene: &Scene, voxel: f64) -> Result<(), Failure> {
     let sim = scene.simulator()?;
     let half = sim.len() / 2;

@@ -51,7 +51,7 @@ pub(super) fn plan(scene: &Scene) -> Result<(), Failure> {
     };
     let around = |c: [i64; 2]| (0..9).map(move |k| [c[0] + k % 3 - 1, c[1] + k / 3 - 1]);
     let cells = (0..plan.height as i64).flat_map(|y| (0..plan.width as i64).map(move |x| [x, y]));
-    // Among cells without a true surface in or beside them, count those called free or occupied.
+    // Among cells without a true surface in or beside them.
     let (mut free, mut wrong, mut false_free, mut all_free) = (0, 0, 0, 0);
     for c in cells {
         let empty = !around(c).any(|n| taken.contains(&n));

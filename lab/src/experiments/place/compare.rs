@@ -1,6 +1,6 @@
-//! Comparison of place recognition methods on real and simulated recordings with known overlap of all views.
+//! Comparison of place recognition methods on recordings with known overlap of all views.
 //!
-//! A row per method; vocabularies given as arguments get rows of their own. Takes some minutes, to render more than 2000 images.
+//! A row per method; vocabularies in the arguments get further rows. Takes some minutes, to render more than 2000 images.
 
 use super::hamming_tree::HammingTree;
 use super::judge::{Figures, Trial};
@@ -107,7 +107,7 @@ fn trials(arguments: &Arguments) -> Result<Trials, Failure> {
             seed,
             frames: arguments.frames,
         })?;
-        // The office of a seed has the posters, chairs and floors of its two rooms, at other places.
+        // The office has the same posters, chairs and floors, at other places.
         let office: Result<Vec<Vec<Keyframe>>, Failure> = all(["halfsphere", "rpy", "xyz"], None);
         let people = ["walking_xyz", "walking_rpy", "walking_halfsphere"];
         let people: Result<Vec<Vec<Keyframe>>, Failure> = all(people, Some(600));
@@ -124,7 +124,7 @@ fn trials(arguments: &Arguments) -> Result<Trials, Failure> {
     Ok(trials)
 }
 
-/// Adds a row; of the slow reference method (`yardstick`) only the first trial.
+/// Adds a row; of the slow reference method only the first trial.
 fn report(table: &mut Table, method: &mut dyn Method, trials: &Trials, yardstick: bool) {
     let mut row = vec![method.name()];
     let shown = if yardstick { 1 } else { trials.len() };

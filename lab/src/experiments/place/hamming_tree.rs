@@ -7,7 +7,7 @@ use stillpoint::features::Descriptor;
 
 /// A leaf with more descriptors than this is split.
 const LEAF: usize = 100;
-/// A bit can split a leaf only if the share of descriptors in which it is set differs from one half by less than this.
+/// Maximum deviation from one half of the share of descriptors with a bit set for which a leaf may be split by it.
 const BALANCE: f64 = 0.1;
 
 #[derive(Clone)]

@@ -5,7 +5,7 @@ use super::method::Method;
 
 /// Minimum overlap of views of the same place.
 const SAME: f64 = 0.3;
-/// Views with less overlap are different places. Views between this and `SAME` count as neither right nor wrong.
+/// Views with less overlap are different places. Those in between are neither right nor wrong.
 const OTHER: f64 = 0.05;
 /// Keyframes closer in time are excluded from queries, s.
 const RECENT: f64 = 5.0;
@@ -14,7 +14,7 @@ const RECENT: f64 = 5.0;
 pub(crate) struct Trial {
     pub(crate) keyframes: Vec<Keyframe>,
     pub(crate) elsewhere: Vec<Keyframe>,
-    /// Overlap of keyframe i with the earlier keyframe j, by i and j.
+    /// Overlap of keyframe i with the earlier keyframe j.
     overlaps: Vec<Vec<f32>>,
 }
 
@@ -49,7 +49,7 @@ impl Trial {
 #[derive(Clone, Copy)]
 struct Found {
     revisit: bool,
-    /// Score of the best match: raw, and relative to that of the previous keyframe.
+    /// Score of the best match: raw, and relative to the previous keyframe's.
     score: [f64; 2],
     right: bool,
     wrong: bool,
@@ -64,7 +64,7 @@ pub(crate) struct Figures {
 
 /// Results of a method, as shares of the revisits.
 pub(crate) struct Row {
-    /// The best match is correct and scores higher than any wrong best match: by raw and by relative score.
+    /// The best match is correct and scores higher than any wrong one: raw, relative.
     pub(crate) safe: [f64; 2],
     /// The best match is correct.
     pub(crate) first: f64,

@@ -83,7 +83,7 @@ pub(crate) fn best(mut scores: Vec<(usize, f64)>, limit: usize) -> Vec<(usize, f
     scores
 }
 
-/// Matches all pairs of descriptors: an upper bound of descriptors' performance, too slow for any system.
+/// All pairs of descriptors: an upper bound, too slow for any system.
 #[derive(Default)]
 pub(crate) struct BruteForce {
     images: Vec<(usize, Vec<Descriptor>)>,

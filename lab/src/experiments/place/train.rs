@@ -57,7 +57,7 @@ impl Random {
     }
 }
 
-/// Trains on the descriptors of images; returns the bytes of a vocabulary for [`Vocabulary::from_bytes`].
+/// Returns the bytes of a vocabulary for [`Vocabulary::from_bytes`].
 fn train(images: &[&[Descriptor]], shape: Shape, seed: u64) -> Result<Vec<u8>, Failure> {
     let all: Vec<Descriptor> = images.iter().flat_map(|i| i.iter().copied()).collect();
     let mut random = Random(seed);
@@ -95,7 +95,7 @@ fn train(images: &[&[Descriptor]], shape: Shape, seed: u64) -> Result<Vec<u8>, F
     }
     let all = images.len() as f64;
     for count in documents {
-        // One virtual image contains every word, so that words absent from training are rare, not impossible.
+        // A virtual image with every word makes words absent from training rare, not impossible.
         let idf = libm::log((all + 1.0) / (f64::from(count) + 1.0));
         bytes.extend(((1024.0 * idf).round() as u16).to_le_bytes());
     }
@@ -113,7 +113,7 @@ fn nearest(descriptor: &Descriptor, centres: &[Descriptor]) -> (usize, u32) {
     best
 }
 
-/// The centres of one node's children. With few descriptors some centres are equal, and the later ones get no words.
+/// The centres of one node's children. With few descriptors some are equal, and the later ones get no words.
 fn centres(descriptors: &[Descriptor], count: usize, random: &mut Random) -> Vec<Descriptor> {
     if descriptors.is_empty() {
         return vec![Descriptor::default(); count];
@@ -146,7 +146,7 @@ fn centres(descriptors: &[Descriptor], count: usize, random: &mut Random) -> Vec
     centres
 }
 
-/// k-means++: each centre is drawn with a probability proportional to its squared distance from the nearest previous one.
+/// k-means++: draws each centre in proportion to its squared distance from the nearest previous one.
 fn first_centres(descriptors: &[Descriptor], count: usize, random: &mut Random) -> Vec<Descriptor> {
     let mut centres = vec![descriptors[(random.bits() % descriptors.len() as u64) as usize]];
     let mut distances = vec![u64::MAX; descriptors.len()];

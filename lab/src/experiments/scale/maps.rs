@@ -1,6 +1,6 @@
 //! Time and memory of pose graph optimisation and full bundle adjustment on large synthetic maps.
 //!
-//! Keyframes are 0.2 m apart, with 50 points for each. Each process makes one run, to measure its own peak memory. Times are CPU times.
+//! Keyframes are 0.2 m apart, with 50 points for each. One run per process, to measure its peak memory. Times are CPU times.
 
 use crate::Failure;
 use crate::experiments::shared::process::{computed, memory_mb};
@@ -63,7 +63,7 @@ fn pose(place: f64, length: f64) -> Se3 {
         * Se3::new(Default::default(), Vec3::new(radius, 0.0, 0.0))
 }
 
-/// Points along a circle of the given length, observed by keyframes that circle it; poses have errors of centimetres.
+/// Points along a circle, observed by keyframes that circle it; poses have errors of centimetres.
 fn world(keyframes: usize, length: f64) -> BundleProblem {
     let random = &mut rng(1, 0, Purpose(1000));
     let truth: Vec<Se3> = (0..keyframes)

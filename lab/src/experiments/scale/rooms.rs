@@ -1,4 +1,4 @@
-//! Accuracy over room size, resolution and frame rate: simulated scenes, each compared with itself at scale 1, 640x480 and 30 Hz.
+//! Accuracy over room size, resolution and frame rate: scenes compared with themselves at scale 1, 640x480 and 30 Hz.
 //!
 //! A row per variant, with the median error relative to the scene's size, and its ratio to the reference.
 

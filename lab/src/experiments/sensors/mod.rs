@@ -1,4 +1,4 @@
-//! Benefit of further sensors: simulated scenes with and without them, evaluated against exact poses. No detector.
+//! Benefit of further sensors: simulated scenes with and without them, without a detector.
 //!
 //! A row per scene and variant, with the median and the worst of the seeds. The exit code is 1 if a bound is missed.
 
@@ -45,7 +45,7 @@ pub(crate) trait Sensor: Copy + 'static {
     /// Runs all variants on a scene; its frames are rendered once.
     fn measure(simulator: Simulator, seed: u64) -> Result<Vec<Score>, Failure>;
 
-    /// Whether runs meet the bound of their scene, relative to those without the sensor; `None` without a bound.
+    /// Whether runs meet their bound, relative to those without the sensor; `None` without a bound.
     fn holds(self, scene: &str, runs: &[&Score], without: &[&Score]) -> Option<bool>;
 }
 
@@ -107,7 +107,7 @@ impl Run {
     }
 }
 
-/// The maximum position error, m, and rotation error, deg, of online poses after a time, s, relative to the first frame.
+/// Maximum error of online poses after a time, s, relative to the first frame: m and deg.
 fn end_error(online: &[(f64, Se3)], truth: &[(f64, Se3)], after: f64) -> [f64; 2] {
     let exact = |stamp: f64| truth.iter().find(|t| t.0 == stamp).map(|t| t.1);
     let first = online.first().map(|first| (first.1, exact(first.0)));

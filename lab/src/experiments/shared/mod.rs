@@ -84,8 +84,7 @@ pub(crate) fn map_poses(system: &System) -> Vec<TimedPose> {
     resolved.map(|(e, pose)| timed((e.stamp, pose))).collect()
 }
 
-/// The transform from a map's frame to the simulator's: from the positions of all frames, or from the first pose if the camera hardly
-/// moved.
+/// From the map's frame to the simulator's: by the positions of all frames, or by the first pose if the camera hardly moved.
 pub(crate) fn world_from_map(simulator: &Simulator, poses: &[(f64, Se3)]) -> Se3 {
     let Some((stamp, first)) = poses.first() else {
         return Se3::identity();
@@ -131,7 +130,7 @@ pub(crate) fn next_readable(source: &mut dyn FrameSource) -> Result<Option<RgbdF
     }
 }
 
-/// The results of `run` for each seed, in order, on all cores. Not for measuring times.
+/// Results in the order of seeds, on all cores. Not for measuring times.
 pub(crate) fn each_seed<T: Send>(
     seeds: u64,
     run: impl Fn(u64) -> Result<T, Failure> + Sync,

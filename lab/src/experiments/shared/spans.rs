@@ -62,7 +62,7 @@ impl Subscriber for Spans {
     fn new_span(&self, attributes: &Attributes<'_>) -> Id {
         let name = attributes.metadata().name();
         RUNNING.with_borrow_mut(|running| {
-            // Spans are identified by name, since times of one name are summed anyway.
+            // Identified by name, since times of one name are summed anyway.
             let known = running.names.iter().position(|n| *n == name);
             let place = known.unwrap_or_else(|| {
                 running.names.push(name);

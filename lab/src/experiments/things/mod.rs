@@ -1,5 +1,5 @@
-//! Evaluation of objects in the map against the simulator's ground truth: recall, precision and centre errors, with a detector that knows
-//! furniture, misses 30 %, and has bursts of misses and false alarms.
+//! Evaluation of objects in the map: recall, precision and centre errors, with a detector that knows furniture, misses 30 %, and has bursts
+//! of misses and false alarms.
 //!
 //! The exit code is 1 if a bound is missed: recall (of objects with depth) and precision of 0.9, a mean error of 15 cm, no people, removed
 //! objects gone, the correct number of rooms, and every object in the correct one.
@@ -33,11 +33,11 @@ pub(crate) struct Arguments {
     all: bool,
 }
 
-/// An object has to be found if it is sufficiently visible, with depth, in at least this many frames: one second.
+/// Minimum number of frames in which an object that has to be found is visible, with depth: one second.
 const LEAST_FRAMES: usize = 30;
 /// A found object matches a true one if their centres are closer than this, m.
 const NEAR: f64 = 0.3;
-/// A found object also matches a true one if their centres are closer than this share of the true one's longest side.
+/// As `NEAR`, but as a share of the true object's longest side; either suffices.
 const NEAR_SHARE: f64 = 0.35;
 const RECALL: f64 = 0.9;
 const PRECISION: f64 = 0.9;
@@ -71,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
 
 #[derive(Default)]
 struct Score {
-    /// Objects visible for a second, and how many of them were found; those with depth, and how many of them.
+    /// Objects visible for a second, and those found; likewise of those with depth.
     in_sight: [usize; 2],
     measured: [usize; 2],
     listed: usize,
@@ -170,7 +170,7 @@ fn measure(arguments: &Arguments, seed: u64) -> Result<Score, Failure> {
     Ok(score)
 }
 
-/// Number of objects without a room, or in a room most of whose objects are beyond the wall at x = 0 of the two rooms.
+/// Objects without a room, or in one with mostly objects beyond the wall at x = 0 of the two rooms.
 fn misplaced(listed: &[Thing], room_from_map: &Se3, two: bool) -> usize {
     let side = |t: &Thing| two && room_from_map.transform(&t.bounds.centre).x > 0.0;
     let wrong = |t: &&Thing| {
@@ -187,7 +187,7 @@ fn near(truth: &ThingBox, at: &Vec3) -> Option<f64> {
     (apart < NEAR.max(NEAR_SHARE * longest)).then_some(apart)
 }
 
-/// Matches listed objects with true ones by class and position, nearest first; with the distances of their centres.
+/// Pairs of listed and true objects by class and position, nearest first, with distances.
 fn matches(
     things: &[(u32, ThingBox)],
     listed: &[Thing],
