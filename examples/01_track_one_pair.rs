@@ -1,4 +1,4 @@
-//! The motion between two frames: the smallest program that does something.
+//! The motion between two frames: a minimal program.
 //!
 //! `cargo run --release -p stillpoint --example 01_track_one_pair`
 
@@ -9,11 +9,11 @@ use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Event, System};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // Frames come from anywhere; here from a simulated room, so that the true motion is known.
+    // Frames can have any source; here it is a simulated room, with known motion.
     let room = Simulator::new(&SimulatorConfig::default())?;
     let mut system = System::new(Config::default(), *room.camera(), Simd::detect())?;
 
-    // The first frame begins the map, and its pose is the origin.
+    // The first frame starts the map, and its pose is the origin.
     system.step(room.frame(0));
     let events = system.step(room.frame(3));
 

@@ -1,4 +1,4 @@
-//! A data set folder to a trajectory file.
+//! Converts a data set folder to a trajectory file.
 //!
 //! `cargo run --release -p stillpoint --example 02_run_a_dataset -- FOLDER [TRAJECTORY]`
 
@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = args.next().ok_or("expected a data set folder")?;
     let target = args.next().unwrap_or_else(|| "trajectory.txt".to_owned());
 
-    // Layout and camera are guessed; the guesses are there to be checked.
+    // Layout and camera are guessed; check the printed guesses.
     let dataset = Dataset::open(Path::new(&folder), &OpenOptions::default())?;
     let mut out = std::io::stdout().lock();
     for guess in dataset.guesses() {
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let camera = dataset.camera().camera;
     let mut system = System::new(Config::default(), camera, Simd::detect())?;
 
-    // Images are read and decoded on a thread of their own.
+    // Images are read and decoded in a separate thread.
     let mut frames = ReadAhead::new(dataset.frames(&FrameOptions::default())?);
     while let Some(frame) = frames.next_frame() {
         match frame {

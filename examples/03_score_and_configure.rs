@@ -1,4 +1,4 @@
-//! What a setting does to accuracy: the same simulated frames with different configurations.
+//! Effect of a setting on accuracy: the same simulated frames with different configurations.
 //!
 //! `cargo run --release -p stillpoint --example 03_score_and_configure`
 

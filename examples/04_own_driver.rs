@@ -1,5 +1,5 @@
-//! Full control: the stages one by one instead of `System`. The mapper answers some frames late here, as it would on a
-//! thread of its own, and the tracker keeps working on the older view meanwhile.
+//! Full control: separate stages instead of `System`. Here the mapper's replies are delayed by some frames, as from a separate thread,
+//! while the tracker continues with the older view.
 //!
 //! `cargo run --release -p stillpoint --example 04_own_driver`
 
@@ -11,7 +11,7 @@ use stillpoint::imaging::Simd;
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Mapper, MapperMsg, MapperReport, Outcome, Tracker};
 
-/// Frames that pass before the tracker sees what the mapper made of a keyframe.
+/// Delay of the mapper's replies, frames.
 const DELAY: usize = 5;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                     report.map_version, report.landmarks, report.bundle.observations
                 )?;
             }
-            // Before the first view there is nothing to track against, so that one is waited for.
+            // Before the first view there is nothing to track against, so it is delayed less.
             let due = if i == 0 { 1 } else { i + 1 + DELAY };
             replies.push_back((due, reply.view));
         }

@@ -1,4 +1,4 @@
-//! A camera of one's own, live: frames are pushed as they come, and every stage runs on a thread of its own.
+//! A custom camera, live: frames are pushed as they arrive, and every stage runs in a separate thread.
 //!
 //! `cargo run --release -p stillpoint --example 05_live_camera`
 
@@ -10,8 +10,8 @@ use stillpoint::live::{Delivery, LiveOptions, LiveSystem};
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Event, Stages};
 
-/// Stands for a camera's driver. A real one waits for its images in `next_frame`, numbers them 0, 1, 2, ..., states when they
-/// were exposed, in seconds, and brings depth to metres in the colour camera's image.
+/// A fake driver. A real one waits for images in `next_frame`, numbers them 0, 1, 2, ..., sets their exposure times in seconds, and
+/// registers depth to the colour image, in metres.
 struct MyCamera {
     room: Simulator,
     next: usize,
@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let stages = Stages::new(Config::default(), *room.camera(), Simd::detect())?;
     let mut live = LiveSystem::start(stages, None, LiveOptions::default())?;
     let watch = live.watch();
-    // A listener that falls behind misses events, and the run counts them. No stage waits for it.
+    // Slow listeners miss events, which the run counts. No stage waits for them.
     let events = live.listen("poses", Delivery::until_full(1000));
     let mut camera = MyCamera {
         room,
@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let mut out = std::io::stdout().lock();
     while let Some(frame) = camera.next_frame() {
-        // Returns at once. A frame that tracking has not taken yet gives way to this one.
+        // Returns immediately. Replaces a frame that tracking has not yet taken.
         live.push(frame?);
         for event in events.try_iter() {
             if let Event::Frame(tracked) = event
@@ -57,11 +57,11 @@ fn main() -> Result<(), Box<dyn Error>> {
                 writeln!(out, "{frame}: {:.3} {:.3} {:.3}", t.x, t.y, t.z)?;
             }
         }
-        // How good that is, why the camera is lost, and which thread does not answer.
+        // Quality, reason for a loss, and stalled threads.
         writeln!(out, "{}", watch.health())?;
     }
 
-    // A map file, at any time: the bytes of the map as it is now, while the run goes on.
+    // The current map can be saved at any time during the run.
     if let Some(map) = watch.map() {
         writeln!(out, "{} bytes of map", map.to_bytes(&[])?.len())?;
     }
@@ -72,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (stage, end) in result.ended.failures() {
         writeln!(out, "{stage:?} {end}")?;
     }
-    // The log of the run: with the same frames, `slam::Replay` gives the same result, bit for bit.
+    // The log of the run: `slam::Replay` reproduces the result from it and the frames, bit for bit.
     writeln!(out, "{} messages logged", result.log.entries.len())?;
     Ok(())
 }

@@ -1,6 +1,6 @@
-//! Which pixels move? The static filter alone, for another SLAM system: frames and boxes in, masks and verdicts out.
+//! Which pixels move? The static filter without SLAM, for use with another SLAM system: frames and boxes in, masks and verdicts out.
 //!
-//! `cargo run --release -p stillpoint --example 06_dynamic_mask -- [FOLDER]` writes the masks to a folder; 255 is what moves.
+//! `cargo run --release -p stillpoint --example 06_dynamic_mask -- [FOLDER]` writes the masks to a folder; moving pixels are 255.
 
 use std::error::Error;
 use std::io::Write;
@@ -23,13 +23,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut out = std::io::stdout().lock();
     for i in 0..room.len() {
         let frame = Arc::new(room.frame(i));
-        // Boxes are optional, and may come some frames late.
+        // Boxes are optional, and may be some frames late.
         filter.detections(boxes(&room, &frame));
-        // A pose of your own, instead of `None`, takes the place of the filter's own guess of the camera's motion.
+        // Your own pose, instead of `None`, replaces the filter's estimate of the camera's motion.
         let moving = filter.step(&frame, None)?;
         let mask = moving.mask();
 
-        // The keypoints of your own system.
+        // Keypoints of your own system.
         let keypoints = [[320.0, 240.0], [100.0, 400.0]];
         let verdicts = filter.verdicts(&keypoints);
         let rejected = verdicts.iter().filter(|v| v.dynamic).count();
@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What a detector says of a frame; here the simulator's own.
+/// Detections of a frame, here simulated ones.
 fn boxes(room: &Simulator, frame: &RgbdFrame) -> Detections {
     let found = room.detections(frame.id.0 as usize, &DetectionNoise::default());
     let detection = |d: &stillpoint::simulator::ScriptedDetection| {

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Builds the wheel and checks it, each Python in a fresh environment. Ends with how many checks passed, failed and were skipped, and why.
+"""Builds the wheel and checks it with each Python in a fresh environment. Prints how many checks passed, failed and were skipped, and why.
 
-    python3 python/check.py                 everything; packages come from PyPI
-    python3 python/check.py --wheel FILE    a wheel that is there
-    python3 python/check.py --build FOLDER  builds the wheel into a folder, looks at it, and ends
-    python3 python/check.py --here          with this Python and what it has, installing nothing: what .ci/run does, with its own --profiles
+    python3 python/check.py                 all checks; packages from PyPI
+    python3 python/check.py --wheel FILE    checks an existing wheel
+    python3 python/check.py --build FOLDER  only builds the wheel into a folder and inspects it
+    python3 python/check.py --here          with this Python and its packages, installing nothing, as .ci/run does with its own --profiles
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 VERSIONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]
 LARGEST = 15e6
-# Its C library is older than that of any system that has one of these Pythons.
+# Its C library is older than that of any system with one of these Pythons.
 LINUX = "manylinux_2_17"
 TESTS = ["pytest", "hypothesis", "pillow"]
 CLUSTERS = ["ray[data]", "s3fs", "moto[s3,server]", "dask", "distributed", "submitit"]
@@ -37,7 +37,7 @@ skipped: list[str] = []
 
 
 def check(name: str, command: Sequence[object], env: dict[str, str] | None = None, cwd: Path | None = None) -> bool:
-    """Runs a command, and shows what it said where it failed."""
+    """Runs a command, and prints its output on failure."""
     start = time.monotonic()
     done = subprocess.run([str(c) for c in command], env=env, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     is_well = done.returncode == 0
@@ -61,7 +61,7 @@ def skip(name: str, reason: str) -> None:
 
 
 def pythons() -> dict[str, Path]:
-    """Pythons of this machine, on the path or of pyenv, by version."""
+    """Installed Pythons, on the path or of pyenv, by version."""
     found: dict[str, Path] = {}
     for version in VERSIONS:
         candidates = [shutil.which(f"python{version}")]
@@ -69,7 +69,7 @@ def pythons() -> dict[str, Path]:
         candidates += [str(p) for p in sorted(root.glob(f"{version}.*/bin/python"), reverse=True)]
         for path in filter(None, candidates):
             said = subprocess.run([path, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"], capture_output=True, text=True)
-            # pyenv puts names on the path that answer nothing.
+            # pyenv's shims may not work.
             if said.returncode == 0 and said.stdout.strip() == version:
                 found[version] = Path(path)
                 break
@@ -83,7 +83,7 @@ def environment(python: Path, folder: Path) -> Path:
 
 
 class Tools:
-    """What builds wheels: maturin, and on Linux zig, which links against the interfaces of an old C library."""
+    """Tools to build wheels: maturin, and on Linux zig, which links for an old C library."""
 
     def __init__(self, work: Path, may_install: bool) -> None:
         self.env = dict(os.environ)
@@ -92,7 +92,7 @@ class Tools:
             needs = ["maturin>=1.9,<2", *(["ziglang"] if sys.platform == "linux" else [])]
             subprocess.run([tools, "-m", "pip", "install", "-q", *needs], check=True)
             self.env["PATH"] = f"{tools.parent}{os.pathsep}{self.env['PATH']}"
-        # maturin asks for it in the same way.
+        # As maturin looks for it.
         self.has_zig = sys.platform == "linux" and (
             shutil.which("zig", path=self.env["PATH"]) is not None
             or subprocess.run(["python3", "-m", "ziglang", "version"], env=self.env, capture_output=True).returncode == 0
@@ -100,12 +100,12 @@ class Tools:
 
 
 def build(folder: Path, tools: Tools, profiles: Path | None, target: str | None = None) -> Path | None:
-    # The interpreter's oldest interface, whichever builds it.
+    # The stable ABI, so any interpreter will do.
     command: list[object] = ["maturin", "build", "--locked", "--out", folder, "-i", sys.executable]
     if target:
         command += ["--target", target]
     if profiles:
-        # Those of the library's tests, so that what was compiled for them is used again.
+        # As for the library's tests, to reuse their builds.
         command += ["--profile", "dev", "--config", profiles]
     else:
         command += ["--release"]
@@ -119,7 +119,7 @@ def build(folder: Path, tools: Tools, profiles: Path | None, target: str | None 
 
 
 def quick_profiles(arguments: argparse.Namespace, work: Path) -> Path | None:
-    """Profiles of a build that is to be quick; none of one that is given away."""
+    """Profiles for quick builds; None for releases."""
     if not arguments.here:
         return None
     if arguments.profiles:
@@ -144,11 +144,11 @@ def look_at(wheel: Path, is_local: bool) -> None:
 
 
 def in_environment(version: str, python: Path, wheel: Path, work: Path) -> Path:
-    """The wheel alone, without a compiler on the path; then the tests."""
+    """Checks the wheel without a compiler on the path, then runs the tests."""
     fresh = environment(python, work / version)
     pip = [fresh, "-m", "pip", "install", "-q", "--disable-pip-version-check"]
     bare = {"PATH": str(fresh.parent), "HOME": str(work), "TMPDIR": str(work)}
-    # Where packages are found is the machine's business.
+    # Keep the machine's package index settings.
     bare.update({k: v for k, v in os.environ.items() if k.startswith(("PIP_", "SSL_", "REQUESTS_")) or k.lower().endswith("_proxy")})
     config = Path.home() / ".config" / "pip" / "pip.conf"
     if config.exists():
@@ -176,7 +176,7 @@ def with_everything(fresh: Path, work: Path, minutes: float) -> None:
 
 
 def clusters(fresh: Path, work: Path) -> None:
-    """Batches on local clusters of Ray and Dask and by submitit, with an S3 server on loopback."""
+    """Batches on local clusters of Ray and Dask and by submitit, with a local S3 server."""
     pip = [str(fresh), "-m", "pip", "install", "-q", "--disable-pip-version-check", "--only-binary", ":all:"]
     if subprocess.run([*pip, *CLUSTERS]).returncode:
         return skip("batches on clusters", "Ray, Dask, submitit or moto cannot be had for this Python")
@@ -198,11 +198,11 @@ def examples(fresh: Path, work: Path) -> None:
 
 
 def own_detector(fresh: Path, work: Path) -> None:
-    """The example with a YOLO of one's own, by what stands in for it: the poses must be those of the same boxes from a file."""
+    """The example of a custom YOLO, with a fake ultralytics: the poses must equal those with the same boxes from a file."""
     people, boxes = work / "people", work / "boxes.csv"
     line = [fresh, "-m", "stillpoint_slam"]
     check("a folder with people", [*line, "simulate", "--scene", "walking_xyz", "--frames", "40", "--out", people, "-q"])
-    # In eighths of pixels, so that half a pixel to and fro leaves no trace.
+    # Rounded to eighths of pixels, so that shifts by half a pixel are exact.
     text = (people / "detections.csv").read_text()
     boxes.write_text(re.sub(r"-?\d+\.\d{3}(?=[,\n])", lambda m: f"{round(8 * float(m[0])) / 8:.3f}", text))
     env = {**os.environ, "PYTHONPATH": str(HERE / "tests" / "standin"), "STANDIN_ROOM": str(people), "STANDIN_BOXES": str(boxes)}
@@ -217,7 +217,7 @@ def own_detector(fresh: Path, work: Path) -> None:
 
 
 def realsense(python: Path, wheel: Path, work: Path) -> None:
-    """A hundred simulated frames through librealsense's software device, and back through its pipeline into the example."""
+    """Records a hundred simulated frames through librealsense's software device, and replays them into the example."""
     fresh = environment(python, work / "realsense")
     pip = [str(fresh), "-m", "pip", "install", "-q", "--disable-pip-version-check", "--only-binary", ":all:"]
     if subprocess.run([*pip, wheel, "pillow", "pyrealsense2"]).returncode or subprocess.run([fresh, "-c", "import pyrealsense2"]).returncode:
@@ -235,7 +235,7 @@ def realsense(python: Path, wheel: Path, work: Path) -> None:
 
 
 def here(wheel: Path, work: Path) -> None:
-    """With this Python and what it has: the wheel is unpacked, not installed."""
+    """Checks with this Python and its packages; the wheel is unpacked, not installed."""
     with zipfile.ZipFile(wheel) as file:
         file.extractall(work / "site")
     env = {**os.environ, "PYTHONPATH": str(work / "site"), "STILLPOINT_CASES": "200", "PYTHONDONTWRITEBYTECODE": "1"}
@@ -290,7 +290,7 @@ def everywhere(wheel: Path, work: Path, arguments: argparse.Namespace) -> None:
     environments = {v: in_environment(v, found[v], wheel, work) for v in wanted if v in found}
     if environments:
         with_everything(environments[sorted(environments, key=VERSIONS.index)[-1]], work, arguments.minutes)
-    # pyrealsense2 has wheels for some versions alone.
+    # pyrealsense2 has wheels for some versions only.
     usable = [v for v in ("3.12", "3.11", "3.10") if v in environments]
     if usable:
         realsense(found[usable[-1] if "3.11" not in usable else "3.11"], wheel, work)

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""How long a run takes from the start of the process to the poses of its first two frames.
+"""Measures the time from the start of the process to the poses of the first two frames.
 
-tools/first_pose.py RUNS PROGRAM DATA...: fastest and median in ms per folder or recording, its files in the system's cache (one run goes
-before). The fastest is what the work takes, the median what others on the machine make of it."""
+tools/first_pose.py RUNS PROGRAM DATA...: minimum and median in ms per folder or recording, with its files in the system's cache (by a
+first run). The minimum is the time of the work, the median includes other load on the machine."""
 
 import os
 import subprocess
@@ -14,7 +14,7 @@ MARKS = [b"tracked frame=0 ", b"tracked frame=1 "]
 
 
 def run(program, data, out):
-    """ms until each mark."""
+    """Times until each mark, ms."""
     command = [program, "run", data, "--detector", "none", "--no-report", "--out", out, "-vv"]
     start = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)

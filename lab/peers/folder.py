@@ -1,4 +1,4 @@
-"""A folder in TUM's layout with a camera.toml, as both peers read it."""
+"""Reads a folder in TUM's layout with a camera.toml."""
 import json
 import resource
 import time
@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-# Stamps of a colour and a depth image that belong together differ by at most this, s: TUM's associate.py.
+# Maximum time difference of associated colour and depth images, s: that of TUM's associate.py.
 MAX_DIFFERENCE = 0.02
 
 cv2.setNumThreads(1)
@@ -33,7 +33,7 @@ class Folder:
         self.pairs = self.pairs[:frames]
 
     def images(self):
-        """Stamps in s, colour images (blue first) and depth images in the file's units, one by one."""
+        """Yields stamps in s, colour images (BGR) and depth images in the file's units."""
         for stamp, colour, depth in self.pairs:
             yield stamp, cv2.imread(str(self.path / colour)), cv2.imread(str(self.path / depth), cv2.IMREAD_UNCHANGED)
 
@@ -51,7 +51,7 @@ class Clock:
         self.times.append((time.perf_counter() - self.begun) * 1e3)
 
     def write(self, trajectory, frames):
-        """Writes what `lab peers` reads beside a trajectory. The first frames build the map and are left out of the times."""
+        """Writes the figures for `lab peers` beside a trajectory. Times leave out the first frames, which build the map."""
         times = self.times[4:] or self.times
         said = {
             "frames": frames,

@@ -1,4 +1,4 @@
-"""ORB-SLAM3 (PyPI pyorbslam3) on a folder: orbslam3.py FOLDER OUT.txt [--vocabulary FILE] [--frames N]. Writes OUT.json beside it."""
+"""Runs ORB-SLAM3 (PyPI pyorbslam3) on a folder: orbslam3.py FOLDER OUT.txt [--vocabulary FILE] [--frames N]. Also writes OUT.json."""
 import argparse
 import tempfile
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 import pyorbslam3
 from folder import Clock, Folder
 
-# Figures of ORB-SLAM3's own examples for TUM RGB-D; those of the viewer are asked for although none is opened.
+# Settings of ORB-SLAM3's examples for TUM RGB-D; those of the viewer are required although none is opened.
 SETTINGS = {
     "Stereo.ThDepth": 40.0,
     "Stereo.b": 0.07732,
@@ -58,7 +58,7 @@ def main():
             slam.track_rgbd(rgb, depth, stamp)
     slam.shutdown()
     slam.save_trajectory_tum(a.out)
-    # A frame after a loss may be written twice: its last pose counts.
+    # A frame after a loss may be written twice: keep its last pose.
     lines = {line.split()[0]: line for line in Path(a.out).read_text().splitlines(keepends=True)}
     Path(a.out).write_text("".join(sorted(lines.values(), key=lambda line: float(line.split()[0]))))
     clock.write(a.out, len(folder.pairs))

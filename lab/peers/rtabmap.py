@@ -1,6 +1,6 @@
-"""RTAB-Map's RGB-D odometry (node RTABMapVIO of PyPI depthai) on a folder: rtabmap.py FOLDER OUT.txt [--frames N]. Writes OUT.json beside it. Needs g++.
+"""Runs RTAB-Map's RGB-D odometry (node RTABMapVIO of PyPI depthai) on a folder: rtabmap.py FOLDER OUT.txt [--frames N]. Also writes OUT.json. Needs g++.
 
-The node asks a connected camera for its calibration. A small library, built and loaded here, answers in the camera's place.
+The node reads the calibration of a connected camera. A small preloaded library, built here, provides it instead.
 """
 import argparse
 import datetime
@@ -29,12 +29,12 @@ void *stand_in(void *calibration, void *) {
     return calibration;
 }
 """
-# How long a frame's pose is waited for, s. The first frame never gets one.
+# Timeouts for a frame's pose, s. The first frame never gets one.
 WAIT, WAIT_AT_FIRST = 6.0, 1.5
 
 
 def load_stand_in():
-    """Begins again with the stand-in loaded before anything else."""
+    """Restarts the script with the stand-in library preloaded."""
     package = Path(importlib.util.find_spec("depthai").origin).parent
     cores = [*package.glob("depthai.libs/libdepthaicore-*.so"), *package.parent.glob("depthai.libs/libdepthaicore-*.so")]
     if not cores:
@@ -52,7 +52,7 @@ def load_stand_in():
 
 
 def of_camera(q):
-    """The direction of a camera (x right, y down, z forward) whose base (x forward, y left, z up) has the direction q: x, y, z, w."""
+    """The orientation of a camera (x right, y down, z forward) from that of its base (x forward, y left, z up), q: x, y, z, w."""
     x, y, z, w = q.qx, q.qy, q.qz, q.qw
     return [0.5 * v for v in (-w + x - y - z, w + x + y - z, -w + x + y + z, w + x - y + z)]
 
@@ -139,7 +139,7 @@ def main():
             sys.exit("RTAB-Map gave no pose for the first nine frames")
     Path(a.out).write_text("".join(lines))
     clock.write(a.out, len(folder.pairs))
-    os._exit(0)  # depthai's threads do not end by themselves
+    os._exit(0)  # depthai's threads never end
 
 
 main()

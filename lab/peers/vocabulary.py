@@ -1,6 +1,6 @@
-"""Trains a small vocabulary for ORB-SLAM3 where ORBvoc.txt cannot be downloaded: vocabulary.py OUT.txt FOLDER [FOLDER ...].
+"""Trains a small vocabulary for ORB-SLAM3, in place of ORBvoc.txt: vocabulary.py OUT.txt FOLDER [FOLDER ...].
 
-A tree by k-medians over ORB descriptors, in the text form of DBoW2. Train it on other images than those that are measured.
+A k-medians tree over ORB descriptors, in the text format of DBoW2. Do not train it on images that are evaluated.
 """
 import sys
 from pathlib import Path
@@ -10,7 +10,7 @@ import numpy as np
 from folder import rows
 
 BRANCHES, LEVELS, ITERATIONS = 10, 5, 8
-# Images used in all; more change nothing that can be seen in the error.
+# Total number of images; more have no visible effect on the error.
 IMAGES = 120
 
 

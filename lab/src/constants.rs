@@ -1,7 +1,8 @@
-//! `lab constants`: docs/reference/constants.md, the numeric constants of tracking, mapping, static filter and objects, from the sources.
+//! `lab constants`: writes docs/reference/constants.md, the numeric constants of tracking, mapping, static filter and objects, from the
+//! sources.
 //!
-//! Unit and origin are found by words of the comment. The rows of lab/results/constants.jsonl (file, constant, effect), where that is there, fill a column
-//! that says which figure moves when a constant is halved or doubled.
+//! Unit and origin are found by keywords in the comment. Rows of lab/results/constants.jsonl (file, constant, effect), if it exists, fill a
+//! column: which figure changes when a constant is halved or doubled.
 
 use crate::results::{Line, read};
 use crate::{Failure, document, origin};
@@ -11,7 +12,6 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// The name of the result file.
 pub(crate) const RESULT: &str = "constants";
 const PAGE: &str = "docs/reference/constants.md";
 const FOLDERS: [(&str, &str); 4] = [
@@ -23,9 +23,9 @@ const FOLDERS: [(&str, &str); 4] = [
 const INTRODUCTION: &str = include_str!("constants.md");
 const HEAD: &str = "| constant | value | unit | meaning | from |";
 const NUMBER: &str = r"^\s*(?:pub(?:\([a-z]+\))?\s+)?const\s+([A-Z][A-Z0-9_]*)\s*:\s*(f32|f64|u8|u16|u32|u64|usize|i32|i64|u128|\[[^\]]*(?:f32|f64|usize|u32|i32)[^\]]*\])\s*=(.*)";
-/// What follows it is tests.
+/// The beginning of a file's tests.
 const TESTS: &str = r"(?m)^\s*#\[cfg\((?:all\()?test(?:.*\n){1,2}?\s*mod \w+";
-/// Words that state a source, by its kind; a percentage states a relation.
+/// Keywords of each kind of source; a percentage indicates a relation.
 const SOURCES: [(&str, &str); 7] = [
     ("measurement", "measured|median|percentile|ablation"),
     ("distribution", "quantile|chi|sigma|standard deviation"),
@@ -38,13 +38,12 @@ const SOURCES: [(&str, &str); 7] = [
     ),
     (CHOICE, "chosen"),
 ];
-/// The origin of a value that has none but the reason that its comment gives.
+/// Origin of a value with only a reason in its comment.
 const CHOICE: &str = "choice";
 const UNITS: &str = r"rad/s/sqrt\(Hz\)|(?:rad|s)/sqrt\(s\)|(?:rad|m)/s(?:\^2)?|m/rad|1/m|rad|ms?|s|px|cells|samples|bytes|grey levels";
-/// A unit behind a comma, or in a comment that goes on from the one before.
+/// A unit after a comma, or in a continued comment.
 const STATED: &str = r"(?:, |^\.\.\. (?:and )?)((?:UNITS)(?: and (?:UNITS))?)(?:[^\w/^]|$)";
 
-/// A constant, as its source has it.
 struct Constant {
     name: String,
     kind: String,
@@ -52,7 +51,6 @@ struct Constant {
     comment: String,
 }
 
-/// Expressions, compiled once.
 struct Parser {
     number: Regex,
     tests: Regex,
@@ -79,7 +77,7 @@ impl Parser {
         })
     }
 
-    /// The numeric constants of a source, but for those of its tests.
+    /// Skips constants of tests.
     fn constants(&self, text: &str) -> Vec<Constant> {
         let product = self.tests.find(text).map_or(text, |m| &text[..m.start()]);
         let lines: Vec<&str> = product.lines().collect();
@@ -103,7 +101,7 @@ impl Parser {
         lines.iter().enumerate().filter_map(constant).collect()
     }
 
-    /// The unit, by the comment, the name or the type.
+    /// The unit, from the comment, the name or the type.
     fn unit(&self, c: &Constant) -> String {
         let [stated, named, told] = &self.units;
         let find = |e: &Regex, text: &str| Some(e.captures(text)?.get(1)?.as_str().to_owned());
@@ -114,7 +112,7 @@ impl Parser {
         unit.unwrap_or_else(|| whole.to_owned())
     }
 
-    /// The cells of a constant. Links of its comment to code lead nowhere in a document.
+    /// The table cells of a constant, without the comment's links to code.
     fn cells(&self, c: &Constant) -> Vec<String> {
         let short: String = c.value.chars().take(60).collect();
         let more = ["", " ..."][usize::from(short.len() < c.value.len())];
@@ -128,7 +126,7 @@ impl Parser {
     }
 }
 
-/// All sources below a folder but tests, in order.
+/// Sorted, without tests.
 fn files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))? {
@@ -143,7 +141,7 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     Ok(found)
 }
 
-/// The page, given what moves by file and constant.
+/// The page. `effects` by file and constant.
 fn page(root: &Path, effects: &BTreeMap<[String; 2], String>) -> Result<String, Failure> {
     let parser = Parser::new()?;
     let column = [" halved or doubled |", "---|"];

@@ -1,7 +1,7 @@
-//! The inputs of all experiments: simulated scenes, and what is found with ground truth below the data folder.
+//! The inputs of all experiments: simulated scenes, and recordings with ground truth below the data folder.
 //!
-//! `sim:SCENE` is a scene of the simulator, rendered with the run's own seed, so that room, people and noise change with it; `sim:SCENE@7` is rendered with seed 7
-//! whatever the run's seed. Anything else is a name below the data folder or a path.
+//! `sim:SCENE` is rendered with the run's seed, on which room, people and noise depend; `sim:SCENE@7` always with seed 7. Anything else is
+//! a name below the data folder or a path.
 
 use crate::table::{self, Align, Table};
 use crate::{Failure, origin};
@@ -12,14 +12,14 @@ use stillpoint::evaluation::TimedPose;
 use stillpoint::recordings::{OpenOptions, open};
 use stillpoint::simulator::scene_names;
 
-/// Begins the name of a simulated scene.
+/// Prefix of simulated scenes.
 const SCENE: &str = "sim:";
 /// All inputs below the data folder.
 const DATA: &str = "data:";
-/// How deep data sets lie below the data folder.
+/// Maximum depth of data sets below the data folder.
 const DEPTH: usize = 2;
 
-/// Lists the inputs that runs can be made of.
+/// Lists the available inputs
 #[derive(clap::Args)]
 pub(crate) struct Arguments {}
 
@@ -35,7 +35,6 @@ pub(crate) fn list(_: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What runs are made of.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Input {
     /// A scene of the simulator; with `None` it is rendered with the run's seed.
@@ -57,7 +56,7 @@ impl fmt::Display for Input {
     }
 }
 
-/// The inputs that words name: `sim:` and `data:` alone are all of a kind.
+/// `sim:` and `data:` alone are all of a kind.
 pub(crate) fn parse(words: &[String]) -> Result<Vec<Input>, Failure> {
     let mut inputs = Vec::new();
     for word in words {
@@ -117,7 +116,7 @@ fn folder(word: &str) -> Result<Input, Failure> {
     for path in [data.join(word), PathBuf::from(word)] {
         if path.exists() {
             let last = path.file_name().map(|n| n.to_string_lossy().into_owned());
-            // Of a path outside of the data folder the last part is enough.
+            // Outside the data folder the last component suffices.
             let name = if path.starts_with(&data) && !Path::new(word).is_absolute() {
                 word.trim_end_matches('/').to_owned()
             } else {
@@ -133,13 +132,12 @@ fn folder(word: &str) -> Result<Input, Failure> {
     .into())
 }
 
-/// The folder of the data sets, as the tests find it: the one that `STILLPOINT_DATA` names, else `../shared/data` beside the project.
+/// The folder of the data sets, as in the tests: `STILLPOINT_DATA`, else `../shared/data` beside the project.
 pub(crate) fn data_folder() -> PathBuf {
     let beside = || origin::root().join("../shared/data");
     std::env::var_os("STILLPOINT_DATA").map_or_else(beside, PathBuf::from)
 }
 
-/// Data sets with ground truth, by name.
 fn found(data: &Path) -> Vec<(String, PathBuf)> {
     let mut all = Vec::new();
     let mut open = vec![(data.to_owned(), 0)];
@@ -161,7 +159,6 @@ fn found(data: &Path) -> Vec<(String, PathBuf)> {
     all
 }
 
-/// The ground truth of a data set, if it has any.
 pub(crate) fn truth(path: &Path) -> Result<Option<Vec<TimedPose>>, Failure> {
     let poses = open(path, &OpenOptions::default())?.ground_truth()?;
     Ok(poses.map(|poses| {

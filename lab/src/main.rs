@@ -1,4 +1,4 @@
-//! `lab`: experiments on Stillpoint, comparisons of two versions and with other systems, and the tables of the documents (lab/README.md).
+//! `lab`: experiments on Stillpoint, comparisons, and the tables of the documents (lab/README.md).
 
 mod compare;
 mod constants;
@@ -22,7 +22,7 @@ use experiments::{
 };
 use std::process::ExitCode;
 
-/// Whatever ends a command before its result is there.
+/// Any error of a command.
 pub(crate) type Failure = Box<dyn std::error::Error>;
 
 #[derive(Parser)]
@@ -52,12 +52,12 @@ enum Command {
     Epipolar(epipolar::Arguments),
     #[command(alias = "frame_time")]
     FrameTime(frame_time::Arguments),
-    /// What a gyroscope is worth
+    /// Measures the benefit of a gyroscope
     Inertial(sensors::Arguments),
     Kernels(kernels::Arguments),
     Loops(loops::Arguments),
     Objects(objects::Arguments),
-    /// What wheel odometry is worth, right and wrong
+    /// Measures the benefit of wheel odometry, correct and faulty
     Odometry(sensors::Arguments),
     Place(place::Arguments),
     Readout(readout::Arguments),

@@ -1,9 +1,8 @@
-//! Tables of Markdown as columns and rows, and back.
+//! Conversion between Markdown tables and rows of result files.
 
 use crate::results::{Columns, Line};
 use crate::table::{Align, Table};
 
-/// A table, as a result file keeps it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Kept {
     pub(crate) columns: Columns,
@@ -22,14 +21,12 @@ impl Kept {
         table
     }
 
-    /// Its lines in a result file.
     pub(crate) fn lines(&self) -> impl Iterator<Item = Line> {
         let rows = self.rows.iter().cloned().map(|cells| Line::Row { cells });
         std::iter::once(Line::Table(self.columns.clone())).chain(rows)
     }
 }
 
-/// The cells of a line of a table.
 fn cells(line: &str) -> Option<Vec<String>> {
     let inner = line.trim().strip_prefix('|')?;
     let inner = inner.strip_suffix('|').unwrap_or(inner);
@@ -53,7 +50,7 @@ fn cells(line: &str) -> Option<Vec<String>> {
     Some(cells.iter().map(|c| c.trim().to_owned()).collect())
 }
 
-/// The columns that a head and the line below it make, if they are those of a table.
+/// The columns of a table's first two lines; `None` if they are not a table's.
 fn head(line: &str, rule: &str) -> Option<Columns> {
     let (columns, rule) = (cells(line)?, cells(rule)?);
     let is_rule = |c: &String| c.contains('-') && c.chars().all(|c| "-:".contains(c));
@@ -68,7 +65,6 @@ fn head(line: &str, rule: &str) -> Option<Columns> {
     })
 }
 
-/// All tables of a text.
 pub(crate) fn tables(text: &str) -> Vec<Kept> {
     let lines: Vec<&str> = text.lines().collect();
     let (mut tables, mut i) = (Vec::new(), 0);

@@ -1,4 +1,4 @@
-//! Where figures come from: the commit, the program and the machine.
+//! Origin of figures: commit, program and machine.
 
 use crate::Failure;
 use serde::{Deserialize, Serialize};
@@ -6,12 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use stillpoint_files::sha256_hex;
 
-/// A machine, as tables name it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Machine {
-    /// Processor, as it names itself; its architecture where that is not known.
+    /// The CPU's model name, else its architecture.
     pub(crate) cpu: String,
-    /// Cores that the process may use.
     pub(crate) cores: usize,
 }
 
@@ -35,7 +33,7 @@ impl Machine {
     }
 }
 
-/// What was typed, as a document says it.
+/// The command line as shown in documents.
 pub(crate) fn command() -> String {
     let words = std::env::args().skip(1).map(|word| {
         if word.contains([' ', '{', '*']) || word.is_empty() {
@@ -50,18 +48,16 @@ pub(crate) fn command() -> String {
         .join(" ")
 }
 
-/// Cores that the process may use.
 pub(crate) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// The project's folder.
 pub(crate) fn root() -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     root.canonicalize().unwrap_or(root)
 }
 
-/// What `git` says in a folder; none where it says nothing.
+/// The output of `git` in a folder; `None` if it fails.
 fn git(folder: &Path, words: &[&str]) -> Option<String> {
     let output = Command::new("git")
         .arg("-C")
@@ -72,7 +68,7 @@ fn git(folder: &Path, words: &[&str]) -> Option<String> {
     Some(String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
-/// The commit that a folder is a checkout of, with a `+` where files of it were changed; `unknown` outside of one.
+/// The commit of a checkout, with a `+` if tracked files were changed; `unknown` outside of one.
 pub(crate) fn commit(folder: &Path) -> String {
     let Some(head) = git(folder, &["rev-parse", "--short=12", "HEAD"]) else {
         return "unknown".to_owned();
@@ -86,7 +82,7 @@ pub(crate) fn commit(folder: &Path) -> String {
     head + mark
 }
 
-/// The beginning of a file's SHA-256.
+/// The first 12 digits of a file's SHA-256.
 pub(crate) fn hash(file: &Path) -> Result<String, Failure> {
     let bytes = std::fs::read(file).map_err(|e| {
         format!(

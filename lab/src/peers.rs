@@ -1,6 +1,8 @@
-//! `lab peers`: Stillpoint beside ORB-SLAM3 and RTAB-Map's odometry, on the same images, one program after the other, with the columns of `lab sweep`.
+//! `lab peers`: compares Stillpoint with ORB-SLAM3 and RTAB-Map's odometry on the same images, sequentially, with the columns of `lab
+//! sweep`.
 //!
-//! The peers come from PyPI into an environment of their own below target/, and are driven by the scripts in lab/peers; nothing of them is part of Stillpoint.
+//! The peers are installed from PyPI into an environment below target/, and run by the scripts in lab/peers; Stillpoint uses no part of
+//! them.
 
 use crate::inputs::{self, Input};
 use crate::origin::{self, Machine};
@@ -16,18 +18,17 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-/// What Stillpoint is called among the peers.
+/// Variant name of Stillpoint among the peers.
 const OURS: &str = "stillpoint";
-/// What the peers need beside themselves.
+/// Further packages that the peers need.
 const TOOLS: [&str; 2] = ["numpy", "opencv-python-headless"];
-/// Scenes that ORB-SLAM3's vocabulary is trained on: none that is measured, as their seed is not that of a measured scene.
+/// Training scenes of ORB-SLAM3's vocabulary; their seed differs from that of measured scenes.
 const TRAINED_ON: [(&str, u64); 2] = [("sitting_xyz", 7), ("halfsphere", 7)];
 /// Frames of each of them.
 const TRAINING_FRAMES: u64 = 90;
 
-/// A system that we are compared with.
 struct Peer {
-    /// Its name, and that of its script.
+    /// Name of the variant, and of its script.
     name: &'static str,
     title: &'static str,
     licence: &'static str,
@@ -50,59 +51,57 @@ const PEERS: [Peer; 2] = [
     },
 ];
 
-/// Name, title and licence of all programs.
 pub(crate) fn titles() -> Vec<(&'static str, &'static str, &'static str)> {
     let ours = (OURS, "**Stillpoint**", "MIT or Apache-2.0");
     let peers = PEERS.iter().map(|p| (p.name, p.title, p.licence));
     std::iter::once(ours).chain(peers).collect()
 }
 
-/// Whether a variant is one of the peers.
 pub(crate) fn is_peer(variant: &str) -> bool {
     PEERS.iter().any(|p| p.name == variant)
 }
 
-/// Runs Stillpoint, ORB-SLAM3 and RTAB-Map's odometry on the same images, one after the other.
+/// Compares Stillpoint with ORB-SLAM3 and RTAB-Map's odometry on the same images, one after the other
 ///
-/// The first time it makes an environment of Python with the peers (python3, g++ and a network are needed).
+/// The first run installs the peers into a Python environment (needs python3, g++ and a network).
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// sim:SCENE, names below the data folder, paths of what `stillpoint run` takes with ground truth
+    /// sim:SCENE, names below the data folder, or paths of inputs of `stillpoint run` with ground truth
     #[arg(value_name = "INPUT", default_value = "sim:walking_xyz")]
     inputs: Vec<String>,
-    /// Runs of every program; the seeds of ours
+    /// Runs of every program; the seeds of Stillpoint
     #[arg(long, default_value_t = 3)]
     runs: u64,
-    /// The first N frames only
+    /// Only the first N frames
     #[arg(long, value_name = "N")]
     frames: Option<u64>,
     /// The program `stillpoint` [default: target/release/stillpoint of this checkout]
     #[arg(long, value_name = "FILE")]
     program: Option<PathBuf>,
-    /// The commit that it was built of [default: of the checkout that it lies in]
+    /// Commit of the program [default: that of the checkout it lies in]
     #[arg(long)]
     commit: Option<String>,
-    /// Detector of ours, as for `stillpoint run`; {} stands for the input's folder
+    /// Detector of Stillpoint, as for `stillpoint run`; {} stands for the input's folder
     #[arg(long, default_value = "none")]
     detector: String,
-    /// Vocabulary of ORB-SLAM3: a file, or `download` for ORBvoc.txt (139 MB) [default: one that is trained in a minute]
+    /// Vocabulary of ORB-SLAM3: a file, or `download` for ORBvoc.txt (139 MB) [default: one trained in a minute]
     #[arg(long, value_name = "FILE")]
     vocabulary: Option<String>,
     /// Where the peers are installed [default: target/peers/environment of this checkout]
     #[arg(long, value_name = "DIR")]
     environment: Option<PathBuf>,
-    /// Inputs, the vocabulary and peers.jsonl; what is there is not run again [default: target/peers of this checkout]
+    /// Folder of inputs, vocabulary and peers.jsonl; existing runs are not repeated [default: target/peers of this checkout]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// A run that takes longer is ended, s
+    /// Maximum duration of a run, s
     #[arg(long, value_name = "S", default_value_t = 1800)]
     timeout: u64,
-    /// Keep the runs in lab/results/peers.jsonl, of which `lab document` writes docs/evidence/peers.md and the table of README
+    /// Save the runs in lab/results/peers.jsonl, from which `lab document` generates docs/evidence/peers.md and the table of README
     #[arg(long)]
     document: bool,
 }
 
-/// What a script says beside a trajectory.
+/// Figures written by a peer's script beside the trajectory.
 #[derive(Deserialize)]
 struct Said {
     frames: usize,
@@ -111,10 +110,8 @@ struct Said {
     memory_bytes: u64,
 }
 
-/// The peers' environment.
 struct Environment {
     python: Program,
-    /// Arguments of ORB-SLAM3.
     vocabulary: Vec<OsString>,
 }
 
@@ -124,7 +121,7 @@ fn script(name: &str) -> OsString {
         .into_os_string()
 }
 
-/// A program that makes something and is only waited for.
+/// Runs a setup command.
 fn make(command: &mut Command, what: &str) -> Result<(), Failure> {
     let status = command
         .status()
@@ -166,7 +163,6 @@ impl Environment {
         Ok(Self { python, vocabulary })
     }
 
-    /// Runs a peer over a folder in TUM's layout.
     fn measure(&self, peer: &Peer, ready: &Ready, bench: &Bench) -> Result<Figures, Failure> {
         let scratch = tempfile::tempdir_in(&bench.work)?;
         let out = scratch.path().join("trajectory.txt");
@@ -180,7 +176,7 @@ impl Environment {
         let text = std::fs::read_to_string(&file)
             .map_err(|e| format!("{}: expected its figures, found: {e}", peer.name))?;
         let said: Said = serde_json::from_str(&text)?;
-        // What a peer writes it believes.
+        // Peers do not mark poses as uncertain.
         let poses = score::poses(&out)?;
         let mut figures = score::of_poses(&ready.truth, &poses, &BTreeSet::new(), said.frames);
         let time = Time {
@@ -231,7 +227,7 @@ impl Shared {
         let prepared =
             |input: &Input, frames| Prepared::new(input.clone(), 0, frames, (&work, true));
         let peers = match &input {
-            // One rendering for all.
+            // Rendered once for all programs.
             Input::Scene { .. } => prepared(&input, a.frames),
             Input::Folder { name, path } => {
                 let limit = a.frames.map_or_else(String::new, |n| format!("-{n}"));
@@ -249,7 +245,7 @@ impl Shared {
     }
 }
 
-/// Writes whatever is read as a folder in TUM's layout, which appears when it is whole.
+/// To TUM's layout, atomically.
 fn convert(bench: &Bench, from: &Path, to: &Path, frames: Option<u64>) -> Result<(), Failure> {
     let scratch = tempfile::tempdir_in(&bench.work)?;
     let part = scratch.path().join("folder");
@@ -262,7 +258,7 @@ fn convert(bench: &Bench, from: &Path, to: &Path, frames: Option<u64>) -> Result
     Ok(std::fs::rename(part, to)?)
 }
 
-/// All runs: of every input, every program in turn, so often.
+/// All runs: per input, all programs in turn, `a.runs` times.
 fn measure(a: &Arguments, bench: &Bench, out: &Path) -> Result<Vec<Run>, Failure> {
     let environment = Environment::new(a, bench, out)?;
     let (mut file, lines) = Appended::open(&out.join("peers.jsonl"))?;
@@ -270,7 +266,7 @@ fn measure(a: &Arguments, bench: &Bench, out: &Path) -> Result<Vec<Run>, Failure
     let mut all = Vec::new();
     for mut input in inputs::parse(&a.inputs)? {
         if let Input::Scene { seed, .. } = &mut input {
-            // What is rendered is the same for all runs, as a recording is. The name stays that of the scene.
+            // All runs share one rendering, as they do a recording. The input keeps the scene's name.
             seed.get_or_insert(0);
         }
         let shared = Shared::new(input, a, bench, out)?;
@@ -305,7 +301,6 @@ fn measure(a: &Arguments, bench: &Bench, out: &Path) -> Result<Vec<Run>, Failure
     Ok(all)
 }
 
-/// One run of a peer.
 fn once(
     environment: &Environment,
     peer: &Peer,

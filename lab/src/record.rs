@@ -1,4 +1,4 @@
-//! `lab record`: an experiment whose tables are kept as a result file, for a document to show.
+//! `lab record`: runs an experiment and saves its tables as a result file for the documents.
 
 use crate::markdown::tables;
 use crate::origin::{self, Machine};
@@ -7,9 +7,9 @@ use crate::{Failure, document};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, ExitCode, Stdio};
 
-/// Runs an experiment and keeps the tables that it prints in lab/results/NAME.jsonl, with command, commit and machine.
+/// Runs an experiment and saves the tables that it prints in lab/results/NAME.jsonl, with command, commit and machine
 ///
-/// The exit code is the experiment's; nothing is kept of one that ends with another than 0 or 1.
+/// The exit code is the experiment's; nothing is saved if it is neither 0 nor 1.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Name of the result file, as documents have it between `<!-- lab: NAME -->` and `<!-- /lab -->`
@@ -24,7 +24,6 @@ pub(crate) struct Arguments {
     experiment: Vec<String>,
 }
 
-/// How many seeds a text says that it is of.
 fn seeds(text: &str) -> Option<String> {
     let words: Vec<&str> = text.split_whitespace().collect();
     let pair = words.windows(2).find(|w| {

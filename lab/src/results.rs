@@ -1,6 +1,6 @@
-//! Result files: JSON lines, one per run or per row of a table, appended as they come. Every line says what kind it is.
+//! Result files: JSON lines, one per run or table row, appended as they come.
 //!
-//! A process that is killed while it writes leaves a last line without its end. It is cut off when the file is opened to be gone on with, and said.
+//! An incomplete last line of a killed process is removed, with a message, when the file is opened for appending.
 
 use crate::Failure;
 use crate::origin::Machine;
@@ -10,13 +10,12 @@ use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::Path;
 
-/// A line of a result file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub(crate) enum Line {
-    /// How the lines after it were made.
+    /// Origin of the lines after it.
     Made(Made),
-    /// A run.
+    /// One run.
     Run(Box<Run>),
     /// The head of a table; its rows follow.
     Table(Columns),
@@ -24,21 +23,20 @@ pub(crate) enum Line {
     Row { cells: Vec<String> },
 }
 
-/// How figures were made. Where several files are written by one command, each says so.
+/// Origin of figures, repeated in each file if one command writes several.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Made {
-    /// What was typed.
     pub(crate) command: String,
-    /// Of the program that was measured.
+    /// Commit of the measured program.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) commit: Option<String>,
-    /// Where; absent where it is in the runs, or was not noted.
+    /// Machine; absent if the runs have it, or if it was not noted.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) machine: Option<String>,
-    /// In words, such as `0 to 9`; absent where they are in the runs, or were not noted.
+    /// Such as `0 to 9`; absent if the runs have them, or if not noted.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) seeds: Option<String>,
-    /// The figures stood in a document before result files were kept: the commit is the one that last changed them there.
+    /// Copied from a document that predates result files; the commit is the last that changed the figures there.
     #[serde(skip_serializing_if = "std::ops::Not::not", default)]
     pub(crate) from_document: bool,
 }
@@ -47,83 +45,77 @@ pub(crate) struct Made {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Columns {
     pub(crate) columns: Vec<String>,
-    /// Columns of words, beside the first one; the others are figures.
+    /// Columns of text other than the first; the others are figures.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub(crate) words: Vec<usize>,
 }
 
-/// What was run.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct Key {
     pub(crate) input: String,
     pub(crate) variant: String,
     pub(crate) seed: u64,
-    /// Options of the variant.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub(crate) options: Vec<String>,
-    /// The first so many frames only.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) frames_at_most: Option<u64>,
     /// The program's hash; the name of a peer.
     pub(crate) program: String,
 }
 
-/// One run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Run {
     #[serde(flatten)]
     pub(crate) key: Key,
     pub(crate) commit: String,
     pub(crate) machine: Machine,
-    /// The hash of the program that rendered the images; absent of recordings.
+    /// Hash of the program that rendered the images; absent for recordings.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) renderer: Option<String>,
-    /// Runs at once: times of one that is not alone mean little.
+    /// Number of parallel runs: with more than one, times mean little.
     pub(crate) jobs: usize,
-    /// From start to end of the process, s.
+    /// Duration of the process, s.
     pub(crate) seconds: f64,
-    /// Why there are no figures.
+    /// Reason for the lack of figures.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) error: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) figures: Option<Figures>,
 }
 
-/// What came of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Figures {
     pub(crate) frames: usize,
     /// Frames without a pose in the trajectory.
     pub(crate) lost: usize,
-    /// Frames with a pose while it was undecided who moves; absent of systems that do not say it.
+    /// Frames with a pose and an undecided motion hypothesis; absent for systems without it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) undecided: Option<usize>,
-    /// Frames that are off by more than [`crate::score::WRONG`] and were said to be certain.
+    /// Confident frames with an error above [`crate::score::WRONG`].
     pub(crate) wrong: usize,
     /// The camera stands still in the ground truth: errors are distances from the first pose.
     #[serde(skip_serializing_if = "std::ops::Not::not", default)]
     pub(crate) drift: bool,
-    /// RMSE of the final poses after alignment by a rigid motion, mm.
+    /// RMSE of the final poses after rigid alignment, mm.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) ate_mm: Option<f64>,
-    /// The same of the poses as known at each frame.
+    /// RMSE of the poses known at each frame, mm.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) online_ate_mm: Option<f64>,
-    /// Largest error of a final pose, mm.
+    /// Maximum error of a final pose, mm.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) worst_mm: Option<f64>,
-    /// RMSE of the motion over 1 s, mm.
+    /// RMSE of the relative translation over 1 s, mm.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) rpe_mm: Option<f64>,
-    /// The same, degrees.
+    /// RMSE of the relative rotation over 1 s, degrees.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) rpe_deg: Option<f64>,
     /// By stage, over the frames in which it ran.
     pub(crate) time_ms: BTreeMap<String, Time>,
-    /// Largest amount of memory held.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) memory_bytes: Option<u64>,
-    /// Of live runs.
+    /// Only of live runs.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) live: Option<Live>,
 }
@@ -140,34 +132,33 @@ pub(crate) struct Time {
     pub(crate) max: Option<f64>,
 }
 
-/// What a live run says beside other runs.
+/// Further figures of a live run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Live {
-    /// Frames that a newer one replaced before tracking took them: their share of those that arrived, 0 to 1.
+    /// Share of received frames replaced by a newer one before tracking, 0 to 1.
     pub(crate) dropped_share: f64,
     /// From a frame's arrival to its pose.
     pub(crate) latency_ms: Time,
-    /// Frames that the detector answered for.
+    /// Frames processed by the detector.
     pub(crate) detections_per_second: f64,
-    /// By how much a frame's stamp is later than that of the newest detections that were known, mean.
+    /// Mean age of the newest known detections, by the stamps of frames.
     pub(crate) detections_age_ms: f64,
 }
 
 impl Figures {
-    /// Median time of the call that tracks a frame, ms.
+    /// Median, ms.
     pub(crate) fn frame_ms(&self) -> Option<f64> {
         self.time_ms.get("frame").map(|t| t.median)
     }
 }
 
-/// Reads a result file. What follows its last line break is a line that was not written to its end, and is left out.
+/// Omits an incomplete last line.
 pub(crate) fn read(path: &Path) -> Result<Vec<Line>, Failure> {
     let bytes = std::fs::read(path)
         .map_err(|e| format!("{}: expected a result file, found: {e}", path.display()))?;
     parse(whole(&bytes), path)
 }
 
-/// The lines that were written to their end.
 fn whole(bytes: &[u8]) -> &[u8] {
     let last = bytes.iter().rposition(|b| *b == b'\n');
     last.map_or(&[], |end| &bytes[..=end])
@@ -188,7 +179,6 @@ fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Line>, Failure> {
     text.lines().enumerate().map(line).collect()
 }
 
-/// A file that lines are appended to.
 #[derive(Debug)]
 pub(crate) struct Appended {
     file: std::fs::File,
@@ -196,7 +186,7 @@ pub(crate) struct Appended {
 }
 
 impl Appended {
-    /// Opens a file to go on with it, or makes it. Gives what it holds; a last line without an end is cut off and said.
+    /// Returns the existing lines; an incomplete last line is removed with a message.
     pub(crate) fn open(path: &Path) -> Result<(Self, Vec<Line>), Failure> {
         let wrong = |e: std::io::Error| {
             format!(
@@ -223,7 +213,6 @@ impl Appended {
         Ok((Self { file, path }, lines))
     }
 
-    /// Appends a line in one write.
     pub(crate) fn push(&mut self, line: &Line) -> Result<(), Failure> {
         let text = serde_json::to_string(line)? + "\n";
         let written = self.file.write_all(text.as_bytes());
@@ -237,7 +226,7 @@ impl Appended {
     }
 }
 
-/// The runs of a file. Of several lines about the same run the last one counts.
+/// The runs of a file. The last line of each run counts.
 pub(crate) fn runs(lines: &[Line]) -> Vec<Run> {
     let mut by_key: BTreeMap<Key, Run> = BTreeMap::new();
     let mut order = Vec::new();
@@ -295,7 +284,7 @@ pub(crate) mod tests {
         file.push(&line(0)).unwrap();
         file.push(&line(1)).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
-        // Also in the midst of a character.
+        // The cut may split a character.
         let mut half = text.trim_end().as_bytes()[..text.len() - 20].to_vec();
         half.push(0xC3);
         std::fs::write(&path, &half).unwrap();

@@ -1,4 +1,4 @@
-//! What a run gave, as figures: from the trajectories that any system writes, and from what Stillpoint's own result folder says beside them.
+//! Figures of a run: from trajectories of any system, and from Stillpoint's result folder.
 
 use crate::Failure;
 use crate::results::{Figures, Live, Time};
@@ -8,11 +8,10 @@ use std::path::Path;
 use stillpoint::datasets::trajectory;
 use stillpoint::evaluation::{EvalOptions, Score, TimedPose, score};
 
-/// A frame that is off by more must not pass for right, m. That is what the bars for starts in a crowd count (docs/starts.md): ten times the
-/// usual error there, and far below where a person stands.
+/// Error above which a confident pose counts as wrong, m, as for starts in a crowd (docs/starts.md): ten times the usual error there, and
+/// far below a person's distance.
 pub(crate) const WRONG: f64 = 0.1;
 
-/// What is read of `summary.json`.
 #[derive(Debug, Deserialize)]
 struct Summary {
     frames: usize,
@@ -42,10 +41,9 @@ struct StageTime {
     time: Time,
 }
 
-/// States of `frames.csv` in which a pose is not said to be certain: it is undecided who moves, or the place is carried by other sensors.
+/// States with uncertain poses: the motion hypothesis is undecided, or other sensors carry the pose.
 const UNCERTAIN: [&str; 3] = ["undecided", "carried", "lost"];
 
-/// The poses of a trajectory file.
 pub(crate) fn poses(path: &Path) -> Result<Vec<TimedPose>, Failure> {
     let timed = |p: stillpoint::datasets::StampedPose| TimedPose {
         stamp: p.stamp,
@@ -59,7 +57,6 @@ fn micros(stamp: f64) -> i64 {
     (stamp * 1e6).round() as i64
 }
 
-/// The figures of a result folder of `stillpoint run`.
 pub(crate) fn result_folder(folder: &Path, truth: &[TimedPose]) -> Result<Figures, Failure> {
     let file = folder.join("summary.json");
     let wrong = |e: &dyn std::fmt::Display| {
@@ -91,7 +88,7 @@ pub(crate) fn result_folder(folder: &Path, truth: &[TimedPose]) -> Result<Figure
     Ok(figures)
 }
 
-/// How many frames are undecided, and the stamps of those whose pose is not said to be certain.
+/// The number of undecided frames, and the stamps of uncertain poses.
 fn states(file: &Path) -> Result<(usize, BTreeSet<i64>), Failure> {
     let text = std::fs::read_to_string(file)
         .map_err(|e| format!("{}: expected a line per frame, found: {e}", file.display()))?;
@@ -115,7 +112,7 @@ fn states(file: &Path) -> Result<(usize, BTreeSet<i64>), Failure> {
     Ok((undecided, uncertain))
 }
 
-/// Errors of final poses. `uncertain` are the stamps of those that are not said to be certain.
+/// `uncertain` are the stamps of uncertain poses.
 pub(crate) fn of_poses(
     truth: &[TimedPose],
     last: &[TimedPose],
@@ -146,7 +143,7 @@ pub(crate) fn of_poses(
     figures
 }
 
-/// RMSE of poses, m, and the error of each by its stamp: after alignment, or from the first pose where the camera stands still. None where too few poses have
+/// RMSE, m, and errors by stamp: after alignment, or relative to the first pose if the camera stands still. `None` if too few poses have
 /// ground truth.
 fn error(truth: &[TimedPose], poses: &[TimedPose]) -> Option<(f64, Vec<(f64, f64)>)> {
     match score(truth, poses, &EvalOptions::default()).ok()? {
@@ -168,7 +165,7 @@ mod tests {
     use super::*;
     use stillpoint::geometry::{Se3, Vec3};
 
-    /// A camera that goes aside by 0.1 m per frame; the estimate is off by `off(i)` upwards.
+    /// A camera moving sideways by 0.1 m per frame; the estimate is off by `off(i)` upwards.
     fn path(n: usize, off: impl Fn(usize) -> f64) -> Vec<TimedPose> {
         let pose = |i: usize| {
             let world_from_camera = Se3 {
@@ -195,7 +192,6 @@ mod tests {
         let said = BTreeSet::from([micros(1.8), micros(1.9)]);
         assert_eq!(of_poses(&truth, &off, &said, 40).wrong, 2);
         assert_eq!(of_poses(&truth, &truth, &none, 40).wrong, 0);
-        // Too few poses have no error.
         let few = of_poses(&truth, &off[..2], &none, 40);
         assert_eq!((few.ate_mm, few.lost), (None, 38));
     }

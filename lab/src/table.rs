@@ -1,18 +1,16 @@
-//! Tables in Markdown with columns of one width, which also read well in a terminal; and the cells that most of them have.
-//!
-//! Everything that the lab says in tables goes through here, so that `lab record` can keep what an experiment printed and `lab document` can write it again.
+//! Aligned Markdown tables, readable in a terminal, and common cells. `lab record` saves and `lab document` reproduces the tables printed
+//! here.
 
 pub(crate) use stillpoint::evaluation::{Align, Table};
 
-/// What stands where there is no figure.
+/// Cell of a missing figure.
 pub(crate) const ABSENT: &str = "-";
 
-/// Prints a table.
 pub(crate) fn print(table: &Table) {
     print!("{}", table.to_markdown());
 }
 
-/// Median, least and greatest. The median of an even number of values is the mean of the middle two. Without values none is a number.
+/// Median, minimum and maximum; NaN without values.
 pub(crate) fn spread(values: impl IntoIterator<Item = f64>) -> [f64; 3] {
     let mut sorted: Vec<f64> = values.into_iter().collect();
     sorted.sort_by(f64::total_cmp);
@@ -26,7 +24,7 @@ pub(crate) fn spread(values: impl IntoIterator<Item = f64>) -> [f64; 3] {
     [median, at(0), at(n.max(1) - 1)]
 }
 
-/// A figure with so many digits; what is no number is absent.
+/// A figure with the given number of decimals; NaN is absent.
 pub(crate) fn figure(value: f64, digits: usize) -> String {
     if value.is_nan() {
         ABSENT.to_owned()
@@ -35,7 +33,7 @@ pub(crate) fn figure(value: f64, digits: usize) -> String {
     }
 }
 
-/// The median of values, and in brackets the least and the greatest where they differ in what is shown.
+/// The median of values, and in brackets the range, unless both ends print alike.
 pub(crate) fn median_and_range(values: impl IntoIterator<Item = f64>, digits: usize) -> String {
     let [median, least, greatest] = spread(values).map(|v| figure(v, digits));
     if least == greatest {

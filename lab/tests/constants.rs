@@ -1,8 +1,8 @@
-//! `lab constants`: the real table, and one that is stale.
+//! `lab constants`: the real table, and a stale one.
 
 use crate::lab;
 
-/// After a change of a constant or its comment `lab constants` writes the table anew.
+/// After a change of a constant or its comment, renew the table with `lab constants`.
 #[test]
 fn the_table_of_constants_shows_what_the_sources_hold() {
     let (code, out, said) = lab(&["constants", "--check"]);

@@ -2,7 +2,7 @@
 
 use crate::lab;
 
-/// After a change of a result file `lab document` writes the documents anew.
+/// After a change of a result file, renew the documents with `lab document`.
 #[test]
 fn the_documents_show_what_the_result_files_hold() {
     let (code, out, said) = lab(&["document", "--check"]);
@@ -36,10 +36,10 @@ fn a_document_that_differs_is_found_and_written() {
         | what | kind |  ms |\n|------|------|----:|\n| flow | x    | 1.5 |\n\n<!-- /lab -->\nThe end.\n";
     assert_eq!(written, expected);
     assert_eq!(check().0, Some(0));
-    // A figure that was typed.
+    // A figure changed by hand.
     std::fs::write(docs.join("speed.md"), written.replace("1.5", "1.4")).unwrap();
     assert_eq!(check().0, Some(1));
-    // A table that nobody shows, and a region without a file.
+    // A result file that no document shows, and a region without a file.
     std::fs::write(results.join("other.jsonl"), lines).unwrap();
     assert!(
         check()

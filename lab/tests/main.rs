@@ -1,4 +1,4 @@
-//! Tests of the program `lab`, all in one binary. What it drives is the command line as this workspace builds it.
+//! Tests of `lab`, with the command line as this workspace builds it.
 #![allow(clippy::unwrap_used)]
 
 mod constants;
@@ -24,7 +24,7 @@ fn program() -> PathBuf {
     path
 }
 
-/// Runs the lab; its exit code, stdout and stderr.
+/// Returns exit code, stdout and stderr.
 fn lab(words: &[&str]) -> (Option<i32>, String, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_lab"));
     let Output {

@@ -1,10 +1,10 @@
-//! `lab peers` with a stand-in for the peers' environment: what it is told, what is read of it, and that nothing is run twice.
+//! `lab peers` with a fake Python environment: the arguments of peers, their results, and that no run is repeated.
 
 use crate::sweep::scene;
 use crate::{lab, program};
 use std::os::unix::fs::PermissionsExt;
 
-/// Stands for Python with a peer: gives the ground truth back, without the first pose, and notes what it was asked.
+/// A fake Python interpreter with a peer: returns the ground truth without the first pose, and logs its arguments.
 const PEER: &str = r#"#!/bin/sh
 echo "$@" >> "$(dirname "$0")/asked.txt"
 out=$4
@@ -48,7 +48,7 @@ fn peers_run_beside_ours_on_the_same_images_and_once() {
         let mut rows = table.lines().map(cells).filter(|c| c.len() > 2);
         rows.find(|c| c[1] == begin || c[2] == begin).unwrap()
     };
-    // The columns of the sweep, then the table that README quotes.
+    // The columns of the sweep, then the table of README.
     assert_eq!(row(&table, "orbslam3")[3..5], ["2", "0.0"], "{table}");
     assert_eq!(
         row(&table, "rtabmap")[8],
@@ -77,7 +77,7 @@ fn peers_run_beside_ours_on_the_same_images_and_once() {
         slam.len() == 2 && slam[0].ends_with("--vocabulary words.txt"),
         "{first}"
     );
-    // All are in the file.
+    // All runs are in the file already.
     let (code, again, said) = compare();
     assert_eq!((code, asked()), (Some(0), first), "{said}");
     assert_eq!(again, table);

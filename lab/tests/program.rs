@@ -1,4 +1,4 @@
-//! The program `stillpoint`, for the end-to-end tests: the command line of the crate beside the library.
+//! The program `stillpoint` for end-to-end tests.
 
 use std::process::ExitCode;
 

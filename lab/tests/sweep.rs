@@ -1,11 +1,11 @@
-//! `lab sweep` and `lab compare` on simulated scenes. The controls: a change known to hurt is found worse, and two runs of one program differ in nothing.
+//! `lab sweep` and `lab compare` on simulated scenes. Controls: a known regression is found worse, and two runs of one program are equal.
 
 use crate::{lab, program};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// Long enough for walkers to carry the camera along where nothing filters them.
+/// Long enough for walkers to corrupt the pose without the filter.
 const FRAMES: &str = "90";
 const VARIANTS: [&str; 4] = [
     "--variant",
@@ -36,7 +36,6 @@ pub(crate) fn scene() -> &'static Path {
     folder
 }
 
-/// Runs a sweep over an input into a file.
 fn sweep_over(input: &str, file: &Path, more: &[&str]) -> (Option<i32>, String, String) {
     let (program, work) = (program(), file.with_extension("work"));
     let mut words = vec!["sweep", input, "--commit", "here"];
@@ -47,7 +46,7 @@ fn sweep_over(input: &str, file: &Path, more: &[&str]) -> (Option<i32>, String, 
     lab(&words)
 }
 
-/// The same over the scene with walkers.
+/// Runs a sweep over the scene with walkers into a file.
 fn sweep(file: &Path, more: &[&str]) -> (Option<i32>, String, String) {
     sweep_over(scene().to_str().unwrap(), file, more)
 }
@@ -71,7 +70,7 @@ fn which(file: &Path, which: &str) -> String {
     format!("{}#{which}", file.display())
 }
 
-/// The cells of the first row of a comparison about a figure.
+/// The cells of a comparison's first row about a figure.
 fn row(table: &str, figure: &str) -> Vec<String> {
     let cells = |l: &str| -> Vec<String> { l.split('|').map(|c| c.trim().to_owned()).collect() };
     let mut rows = table.lines().map(cells);
@@ -88,7 +87,7 @@ fn a_change_that_hurts_is_found_worse() {
     assert_eq!((ate[3].as_str(), ate[8].as_str()), ("6", "WORSE"), "{out}");
     assert!(ate[6].parse::<f64>().unwrap() > 2.0, "{out}");
     assert!(out.contains("B is WORSE: walkers: ATE, mm"), "{out}");
-    // The other way round the error is better; what the filter costs is said.
+    // Vice versa the error is better; the filter's cost is printed.
     let (code, out, said) = lab(&["compare", &off, &on]);
     assert_eq!(row(&out, "ATE, mm")[8], "better", "{out}{said}");
     assert!(out.contains("better: walkers: ATE, mm;"), "{out}");
@@ -121,7 +120,6 @@ fn two_runs_of_one_program_differ_in_nothing() {
     for figure in ["lost frames", "wrong frames"] {
         assert_eq!(row(&out, figure)[8], "the same", "{out}");
     }
-    // What has no partner is named.
     for seed in 2..6 {
         let line = format!("only in A: walkers, seed {seed}\n");
         assert!(out.contains(&line), "{out}");
@@ -134,7 +132,7 @@ fn a_sweep_goes_on_where_it_was() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("runs.jsonl");
     let whole = std::fs::read_to_string(runs()).unwrap();
-    // As it was killed in the midst of the last line.
+    // Simulates a process killed while writing the last line.
     std::fs::write(&file, &whole[..whole.len() - 50]).unwrap();
     let more = [&VARIANTS[..], &["--seeds", "6"]].concat();
     let (code, out, said) = sweep(&file, &more);
@@ -144,7 +142,6 @@ fn a_sweep_goes_on_where_it_was() {
         said.contains("11 of 12 runs are in") && said.contains("1/1 "),
         "{said}"
     );
-    // The run that was made again is the one that was there.
     let text = std::fs::read_to_string(&file).unwrap();
     let ates = |text: &str| -> Vec<String> {
         let after = text.split("\"ate_mm\":").skip(1);
@@ -182,7 +179,6 @@ fn runs_that_fail_are_lines_and_told() {
     );
     assert!(told[0].contains("no"), "{said}");
     assert!(out.contains("1, 1 failed"), "{out}");
-    // B has no error where A has one.
     let (code, out, _) = lab(&["compare", &which(&file, "default"), &which(&file, "broken")]);
     assert_eq!(code, Some(1), "{out}");
     assert!(

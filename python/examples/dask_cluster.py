@@ -1,4 +1,4 @@
-"""Recordings on a Dask cluster, one per task: python dask_cluster.py SCHEDULER OUT RECORDING.."""
+"""Runs recordings on a Dask cluster, one per task: python dask_cluster.py SCHEDULER OUT RECORDING.."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A data set folder or a recording: python folder.py PATH [TRAJECTORY.txt]"""
+"""Runs a data set folder or a recording: python folder.py PATH [TRAJECTORY.txt]"""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Masks of what moves, for another SLAM: python mask_for_another_slam.py PATH FOLDER. Needs pillow to write images."""
+"""Writes masks of moving regions for another SLAM: python mask_for_another_slam.py PATH FOLDER. Needs pillow to write images."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""An Intel RealSense camera, or a recording of one: python realsense.py [RECORDING]. Needs pyrealsense2."""
+"""Tracks an Intel RealSense camera, or a recording of one: python realsense.py [RECORDING]. Needs pyrealsense2."""
 import sys
 import numpy as np
 import pyrealsense2 as rs
@@ -13,6 +13,6 @@ if len(sys.argv) > 1:
 while (arrived := pipeline.try_wait_for_frames(5000))[0]:
     depth, color = (f := align.process(arrived[1])).get_depth_frame(), f.get_color_frame()
     stamp, depth_stamp = color.timestamp / 1e3, depth.timestamp / 1e3
-    if stamp > last:  # Where one of the two is late, the other comes twice.
+    if stamp > last:  # If one of the images is late, the other is delivered twice.
         slam = slam or sp.Slam(sp.Camera.from_info(color.profile.as_video_stream_profile().intrinsics, depth_scale=1 / depth.get_units()))
         print(slam.track(last := stamp, np.asarray(color.data), np.asarray(depth.data), depth_stamp=depth_stamp))

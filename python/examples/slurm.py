@@ -1,4 +1,4 @@
-"""Recordings on a Slurm cluster, a share per job: python slurm.py JOBS OUT RECORDING.."""
+"""Runs recordings on a Slurm cluster, a shard per job: python slurm.py JOBS OUT RECORDING.."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-//! Arguments: what Python hands over, checked, with exceptions that name the argument.
+//! Validation of Python arguments; exceptions name the argument.
 
 use numpy::{
     PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
@@ -10,15 +10,13 @@ use std::path::PathBuf;
 use stillpoint::geometry::nalgebra::Matrix4;
 use stillpoint::geometry::{Mat3, Se3, Vec3};
 
-/// Stamps beyond this are no time of a camera, s: the year 5138.
+/// Maximum absolute stamp, s: the year 5138.
 const LATEST: f64 = 1e11;
 
-/// A `ValueError` that names an argument.
 pub(crate) fn value(name: &str, what: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(format!("{name}: {what}"))
 }
 
-/// A `TypeError` that names an argument.
 pub(crate) fn wrong_type(name: &str, expected: &str, found: &Bound<'_, PyAny>) -> PyErr {
     PyTypeError::new_err(format!(
         "{name}: expected {expected}, found {}",
@@ -26,7 +24,6 @@ pub(crate) fn wrong_type(name: &str, expected: &str, found: &Bound<'_, PyAny>) -
     ))
 }
 
-/// What a value is, in words.
 fn describe(found: &Bound<'_, PyAny>) -> String {
     if found.is_none() {
         return "None".to_owned();
@@ -46,7 +43,6 @@ fn dtype(array: &Bound<'_, PyUntypedArray>) -> String {
     array.dtype().to_string()
 }
 
-/// A time: seconds as a float, or nanoseconds as an int.
 pub(crate) fn stamp(name: &str, found: &Bound<'_, PyAny>) -> PyResult<f64> {
     const EXPECTED: &str = "seconds as a float or nanoseconds as an int";
     let wrong = || wrong_type(name, EXPECTED, found);
@@ -60,7 +56,7 @@ pub(crate) fn stamp(name: &str, found: &Bound<'_, PyAny>) -> PyResult<f64> {
         let ns: i64 = number
             .extract()
             .map_err(|_| value(name, "expected nanoseconds within 64 bits, found more"))?;
-        // Whole seconds apart: a double of all nanoseconds since 1970 would be off by a hundred of them.
+        // All nanoseconds since 1970 as one double would be off by about a hundred.
         ns.div_euclid(1_000_000_000) as f64 + ns.rem_euclid(1_000_000_000) as f64 / 1e9
     } else {
         return Err(wrong());
@@ -74,20 +70,19 @@ pub(crate) fn stamp(name: &str, found: &Bound<'_, PyAny>) -> PyResult<f64> {
     ))
 }
 
-/// Whether it is one of NumPy's own floats, most of which are none of Python's.
+/// Most of NumPy's float types are not subclasses of Python's.
 fn is_numpy_float(found: &Bound<'_, PyAny>) -> PyResult<bool> {
     let floating = found.py().import("numpy")?.getattr("floating")?;
     found.is_instance(&floating)
 }
 
-/// Whether it is a truth value, of Python or of NumPy: both count as whole numbers to Python.
+/// Python's and NumPy's truth values also convert to integers.
 pub(crate) fn is_bool(found: &Bound<'_, PyAny>) -> bool {
     let numpy = || found.py().import("numpy")?.getattr("bool_");
     found.is_instance_of::<PyBool>()
         || numpy().is_ok_and(|truth| found.is_instance(&truth).unwrap_or(false))
 }
 
-/// A real number in a range.
 pub(crate) fn number(name: &str, found: &Bound<'_, PyAny>, range: [f64; 2]) -> PyResult<f64> {
     let wrong = || wrong_type(name, "a number", found);
     if is_bool(found) {
@@ -104,7 +99,6 @@ pub(crate) fn number(name: &str, found: &Bound<'_, PyAny>, range: [f64; 2]) -> P
     ))
 }
 
-/// A text.
 pub(crate) fn words(name: &str, found: &Bound<'_, PyAny>) -> PyResult<String> {
     let text = found
         .cast::<PyString>()
@@ -114,7 +108,7 @@ pub(crate) fn words(name: &str, found: &Bound<'_, PyAny>) -> PyResult<String> {
     text.map(ToOwned::to_owned).map_err(unreadable)
 }
 
-/// A path, as a text or what says of itself that it is one.
+/// A `str` or path-like object.
 pub(crate) fn path(name: &str, found: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
     let unusable = |_| wrong_type(name, "a path", found);
     let path: PathBuf = found.extract().map_err(unusable)?;
@@ -124,7 +118,6 @@ pub(crate) fn path(name: &str, found: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
     Ok(path)
 }
 
-/// True or False.
 pub(crate) fn yes(name: &str, found: &Bound<'_, PyAny>) -> PyResult<bool> {
     let found_bool = found.cast::<PyBool>();
     Ok(found_bool
@@ -151,8 +144,7 @@ pub(crate) fn count(name: &str, found: &Bound<'_, PyAny>, most: u64) -> PyResult
     })
 }
 
-/// The elements of an array, row by row, whatever its strides, in place of what `into` held. The caller has compared the array's shape, so that no
-/// more is copied than there should be.
+/// Copies the elements into `into`, row by row, with any strides. The caller has checked the shape.
 pub(crate) fn elements<T: numpy::Element + Copy>(
     name: &str,
     array: &Bound<'_, PyArrayDyn<T>>,
@@ -167,7 +159,7 @@ pub(crate) fn elements<T: numpy::Element + Copy>(
     let plain = if array.is_c_contiguous() && is_aligned(array)? {
         array.clone()
     } else {
-        // NumPy itself knows best how to walk through unusual strides.
+        // NumPy handles unusual strides.
         let numpy = array.py().import("numpy")?;
         let copy = numpy.call_method1("require", (array, array.py().None(), ["C", "A"]))?;
         let copy = copy.cast_into::<PyArrayDyn<T>>();
@@ -183,19 +175,19 @@ fn is_aligned<T: numpy::Element>(array: &Bound<'_, PyArrayDyn<T>>) -> PyResult<b
     array.getattr("flags")?.getattr("aligned")?.extract()
 }
 
-/// Whether the bytes of an array are in this machine's order.
+/// Whether the bytes of an array are in native order.
 fn is_native(array: &Bound<'_, PyUntypedArray>) -> bool {
     array.dtype().is_native_byteorder().unwrap_or(true)
 }
 
-/// A colour or grey image as it came: bytes row by row.
+/// A colour or grey image, row by row.
 pub(crate) enum Pixels {
     Gray(Vec<u8>),
-    /// Interleaved, in the order that the user stated.
+    /// Interleaved, in the order stated by the user.
     Colour(Vec<u8>),
 }
 
-/// A colour image (height x width x 3) or a grey one (height x width) of a size, width first. Colours go where `spare` was.
+/// A colour image (height x width x 3) or a grey one (height x width); `size` is width first. Reuses `spare` for colours.
 pub(crate) fn colour(
     found: &Bound<'_, PyAny>,
     size: [usize; 2],
@@ -221,14 +213,14 @@ pub(crate) fn colour(
     ))
 }
 
-/// A depth image as it came, row by row.
+/// A depth image, row by row.
 pub(crate) enum Depths {
-    /// Values of the camera's unit.
+    /// In the camera's unit.
     Raw(Vec<u16>),
     Metres(Vec<f32>),
 }
 
-/// A depth image (height x width) of a size, width first. Raw values go where `spare` was.
+/// A depth image (height x width); `size` is width first. Reuses `spare` for raw values.
 pub(crate) fn depth(
     found: &Bound<'_, PyAny>,
     size: [usize; 2],
@@ -275,7 +267,7 @@ pub(crate) fn depth(
     Err(wrong_type("depth", &expected, found))
 }
 
-/// Anything that NumPy makes an array of float64 of, of at most `most` elements.
+/// Any value convertible to an array of float64 with at most `most` elements.
 pub(crate) fn reals(
     name: &str,
     expected: &str,
@@ -311,7 +303,7 @@ pub(crate) fn reals(
     Ok((array.shape().to_vec(), elements(name, &array, Vec::new())?))
 }
 
-/// A pose as a 4x4 matrix, of a rotation within 1e-3.
+/// A pose as a 4x4 matrix; its rotation is accepted within 1e-3.
 pub(crate) fn pose(name: &str, found: &Bound<'_, PyAny>) -> PyResult<Se3> {
     const EXPECTED: &str = "a pose as a 4x4 matrix of float64, world_from_camera in metres";
     let (shape, m) = reals(name, EXPECTED, found, 16)?;
@@ -331,7 +323,7 @@ impl IntoValueError for PyErr {
     }
 }
 
-/// A rigid motion from the sixteen numbers of its matrix, row by row; what is wrong with them else.
+/// A rigid motion from the sixteen numbers of its matrix, row by row.
 pub(crate) fn matrix(m: &[f64]) -> Result<Se3, &'static str> {
     if m.len() != 16 || !m.iter().all(|v| v.is_finite()) {
         return Err("numbers that are not finite");

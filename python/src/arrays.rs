@@ -1,4 +1,4 @@
-//! Values as arrays of NumPy: moved where they were made for it, and views that nobody can write to where they stay where they are.
+//! Values as NumPy arrays: moved if made for the call, else read-only views.
 
 use numpy::ndarray::{Array2, Array3, ArrayView2, ArrayView3};
 use numpy::{Element, PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
@@ -33,23 +33,20 @@ pub(crate) fn grid<T: Element>(
     Ok(PyArray2::from_owned_array(py, array))
 }
 
-/// A row of values.
 pub(crate) fn row<T: Element>(py: Python<'_>, data: Vec<T>) -> Bound<'_, PyArray1<T>> {
     PyArray1::from_vec(py, data)
 }
 
-/// Row by row, the sixteen numbers of a pose's matrix.
+/// The sixteen numbers of a pose's matrix, row by row.
 fn numbers(pose: &Se3) -> impl Iterator<Item = f64> {
     let m = pose.to_matrix();
     (0..16).map(move |i| m[(i / 4, i % 4)])
 }
 
-/// A pose as a 4x4 matrix.
 pub(crate) fn pose<'py>(py: Python<'py>, pose: &Se3) -> PyResult<Bound<'py, PyArray2<f64>>> {
     grid(py, (4, 4), numbers(pose).collect())
 }
 
-/// Poses as N x 4 x 4.
 pub(crate) fn poses<'py, 'a>(
     py: Python<'py>,
     poses: impl Iterator<Item = &'a Se3>,
@@ -67,7 +64,7 @@ pub(crate) fn quaternion(pose: &Se3) -> [f64; 4] {
     [q.x, q.y, q.z, q.w].map(|v| sign * v + 0.0)
 }
 
-/// An image that `owner` holds, without a copy. `owner` never changes it: the arrays cannot be written to.
+/// A read-only view of an image in `owner`, which must never change it.
 pub(crate) fn depth<'py>(
     image: &DepthImage,
     owner: Bound<'py, PyAny>,
@@ -97,25 +94,25 @@ pub(crate) fn colour<'py>(
     borrowed(&view, owner)
 }
 
-/// A view of what `owner` keeps alive.
+/// A read-only view of data that `owner` keeps alive.
 #[allow(unsafe_code)]
 fn borrowed<'py, T: Element, D: numpy::ndarray::Dimension>(
     view: &numpy::ndarray::ArrayView<'_, T, D>,
     owner: Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray<T, D>>> {
-    // SAFETY: the callers hand over the object whose immutable, never moved data this is (behind an `Arc`, in a frozen class); the array
-    // keeps it alive, and is made unwritable before anybody sees it.
+    // SAFETY: the callers pass the owner of this immutable, never moved data (behind an `Arc`, in a frozen class); the array keeps it
+    // alive, and is read-only before it is returned.
     let array = unsafe { PyArray::borrow_from_array(view, owner) };
     let writable = array.try_readwrite().map_err(impossible)?;
     drop(writable.make_nonwriteable());
     Ok(array)
 }
 
-/// Keeps a colour image alive for the arrays that look into it.
+/// Keeps a colour image alive for views of it.
 #[pyclass(frozen)]
 struct Keeper(std::sync::Arc<ColourImage>);
 
-/// A colour image as an array of its own, without a copy.
+/// A colour image as a read-only array, without a copy.
 pub(crate) fn shared_colour(
     py: Python<'_>,
     image: std::sync::Arc<ColourImage>,
@@ -125,7 +122,6 @@ pub(crate) fn shared_colour(
     Ok(array.into_any())
 }
 
-/// A 6x6 matrix.
 pub(crate) fn square<'py>(
     py: Python<'py>,
     m: &stillpoint::geometry::Mat6,

@@ -1,4 +1,4 @@
-//! How a run begins: from the arguments of `Slam` to a system.
+//! Start of a run: from the arguments of `Slam` to a system.
 
 use crate::arguments::{number, path, value, wrong_type, yes};
 use crate::camera::Camera;
@@ -22,7 +22,6 @@ use stillpoint::imaging::Simd;
 use stillpoint::slam::{MapUse, Stages, System};
 use stillpoint_cli::front;
 
-/// What a run is begun with.
 pub(crate) struct Begin {
     camera: Camera,
     config: stillpoint::slam::Config,
@@ -34,7 +33,6 @@ pub(crate) struct Begin {
     map: Option<(PathBuf, MapUse)>,
 }
 
-/// Who looks at the frames.
 enum Named {
     Nobody,
     Function(Py<PyAny>),
@@ -42,7 +40,7 @@ enum Named {
     Kept(Py<Kept>),
 }
 
-/// Arguments that all ways to begin have.
+/// Arguments common to all constructors.
 pub(crate) struct Options<'a, 'py> {
     pub(crate) camera: &'a Bound<'py, PyAny>,
     pub(crate) config: Option<&'a Bound<'py, PyAny>>,
@@ -229,7 +227,7 @@ impl Begin {
     }
 }
 
-/// What a result says of who looks at the frames.
+/// The detector as named in a result.
 fn about_detector(detector: Option<&dyn Detector>, calls: bool) -> DetectorInfo {
     match detector {
         Some(detector) => detector.info(),
@@ -238,7 +236,7 @@ fn about_detector(detector: Option<&dyn Detector>, calls: bool) -> DetectorInfo 
     }
 }
 
-/// The surface, going on from the one that a map was saved with.
+/// The surface, continuing that of a loaded map.
 fn fusing(
     mut config: DenseConfig,
     lens: &stillpoint::geometry::Camera,

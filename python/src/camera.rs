@@ -1,4 +1,4 @@
-//! A camera: lens, size, and what its depth values mean.
+//! Camera: lens, size, and scale of depth values.
 
 use crate::arguments::{self, is_bool, number, reals, value, words, wrong_type};
 use crate::arrays;
@@ -8,12 +8,12 @@ use pyo3::types::{PyString, PyType};
 use stillpoint::datasets::{CameraChoice, CameraModel};
 use stillpoint::geometry::{BrownConrady, Camera as Lens};
 
-/// A pinhole camera with the lens distortion of OpenCV (k1, k2, p1, p2, k3). Pixel centres are at integers.
+/// A pinhole camera with OpenCV's lens distortion (k1, k2, p1, p2, k3). Pixel centres are at integers.
 ///
 /// Args:
 ///     width, height: size of the images, px.
 ///     fx, fy, cx, cy: focal lengths and principal point, px.
-///     distortion: k1, k2, p1, p2, k3, or fewer of them; None for none.
+///     distortion: k1, k2, p1, p2, k3, or the first of them; None for no distortion.
 ///     depth_scale: values of a uint16 depth image per metre: 1000 for millimetres, 5000 for TUM.
 ///     name: a name for messages; None for ``camera``.
 ///
@@ -33,12 +33,11 @@ impl Camera {
         Self { model }
     }
 
-    /// Width and height, px.
     pub(crate) fn size(&self) -> [usize; 2] {
         [self.model.camera.width, self.model.camera.height].map(|n| n as usize)
     }
 
-    /// Anything that a user may name a camera by: a [`Camera`], the name of a preset, a camera file, or what other libraries say of theirs.
+    /// Accepts a [`Camera`], a preset, a camera file, or a calibration object of another library.
     pub(crate) fn from_any(found: &Bound<'_, PyAny>) -> PyResult<Self> {
         if let Ok(camera) = found.cast::<Self>() {
             return Ok(camera.get().clone());
@@ -67,7 +66,7 @@ impl Camera {
     }
 }
 
-/// Pixels of a side: what images have at most.
+/// A valid image width or height, px.
 fn side(name: &str, found: &Bound<'_, PyAny>) -> PyResult<u32> {
     let wrong = || wrong_type(name, "a whole number of pixels", found);
     if is_bool(found) || !found.hasattr("__index__").unwrap_or(false) {
@@ -89,7 +88,7 @@ const ANY: [f64; 2] = [-1e9, 1e9];
 impl Camera {
     #[new]
     #[pyo3(signature = (width, height, fx, fy, cx, cy, *, distortion=None, depth_scale=None, name=None))]
-    #[allow(clippy::too_many_arguments)] // They are those of the class in Python, where they have names.
+    #[allow(clippy::too_many_arguments)] // Named in Python.
     fn new(
         width: &Bound<'_, PyAny>,
         height: &Bound<'_, PyAny>,
@@ -140,10 +139,10 @@ impl Camera {
         })
     }
 
-    /// A camera that is built in, by its name (see :meth:`presets`) or a short one (``fr1``).
+    /// A built-in camera, by its name (see :meth:`presets`) or a short one (``fr1``).
     ///
     /// Raises:
-    ///     ValueError: there is no such preset; the message lists them.
+    ///     ValueError: unknown preset; the message lists all.
     #[classmethod]
     fn preset(_cls: &Bound<'_, PyType>, name: &Bound<'_, PyAny>) -> PyResult<Self> {
         let model = CameraModel::preset(&words("name", name)?).map_err(|e| value("name", e))?;
@@ -159,7 +158,7 @@ impl Camera {
         CameraModel::preset_names().collect()
     }
 
-    /// A camera file, ``camera.toml`` or ``camera.txt``.
+    /// Reads a camera file, ``camera.toml`` or ``camera.txt``.
     #[classmethod]
     fn from_file(_cls: &Bound<'_, PyType>, path: &Bound<'_, PyAny>) -> PyResult<Self> {
         let model = CameraModel::from_file(&arguments::path("path", path)?)
@@ -173,7 +172,7 @@ impl Camera {
     /// 525.0
     #[classmethod]
     #[pyo3(signature = (k, width, height, *, distortion=None, depth_scale=None, name=None))]
-    #[allow(clippy::too_many_arguments)] // As for the constructor.
+    #[allow(clippy::too_many_arguments)] // Named in Python.
     fn from_k<'py>(
         cls: &Bound<'py, PyType>,
         k: &Bound<'py, PyAny>,
@@ -204,9 +203,9 @@ impl Camera {
         )
     }
 
-    /// A camera from what other libraries say of theirs: a dict or an object with ``width``, ``height`` and ``K``/``k`` (nine numbers) or
-    /// ``fx``, ``fy`` and ``cx``/``ppx``, ``cy``/``ppy``, and where there is any ``D``/``d``/``coeffs`` and ``distortion_model``/``model``: ROS's
-    /// CameraInfo, librealsense's intrinsics.
+    /// A camera from calibration objects of other libraries, such as ROS's CameraInfo and librealsense's intrinsics: a dict or an object
+    /// with ``width``, ``height`` and ``K``/``k`` (nine numbers) or ``fx``, ``fy`` and ``cx``/``ppx``, ``cy``/``ppy``, and optionally
+    /// ``D``/``d``/``coeffs`` and ``distortion_model``/``model``.
     ///
     /// >>> info = {"width": 640, "height": 480, "K": [525, 0, 319.5, 0, 525, 239.5, 0, 0, 1], "D": []}
     /// >>> Camera.from_info(info).cx
@@ -271,13 +270,13 @@ impl Camera {
         self.model.depth_scale
     }
 
-    /// Its name.
+    /// Name of the camera.
     #[getter]
     fn name(&self) -> &str {
         &self.model.name
     }
 
-    /// Whether it is made of a data sheet's field of view and not of a calibration.
+    /// Whether it was derived from a data sheet's field of view instead of a calibration.
     #[getter]
     fn nominal(&self) -> bool {
         self.model.nominal

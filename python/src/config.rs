@@ -8,14 +8,14 @@ use std::path::PathBuf;
 use stillpoint::slam::Config as Values;
 use stillpoint_cli::front;
 
-/// What the system is run with: the defaults, a file (TOML) over them, single values over that.
+/// Configuration of the system: the defaults, overridden by a file (TOML), overridden by single values.
 ///
 /// Args:
-///     file: a configuration file; what it does not name keeps its default.
+///     file: a configuration file; settings not given keep their defaults.
 ///     set: values by their dotted keys, or by sections as nested dicts.
 ///
 /// Raises:
-///     ValueError: a file that cannot be read, an unknown key, or a value out of range; the message says which.
+///     ValueError: an unreadable file, an unknown key, or a value out of range; the message names it.
 ///
 /// >>> Config({"features.features": 1500}) == Config({"features": {"features": 1500}})
 /// True
@@ -30,7 +30,7 @@ pub(crate) struct Config {
 }
 
 impl Config {
-    /// Anything that a user may name a configuration by: none, a [`Config`], a file, or values.
+    /// Accepts None, a [`Config`], a file, or values.
     pub(crate) fn from_any(found: Option<&Bound<'_, PyAny>>) -> PyResult<Values> {
         let Some(found) = found else {
             return Ok(Self::resolve(None, None)?.values);
@@ -61,10 +61,10 @@ impl Config {
     }
 }
 
-/// Sections within sections, at most: there are two.
+/// Maximum depth of nested sections; the configuration has two.
 const DEEPEST: usize = 8;
 
-/// Values as `--set` takes them.
+/// Values in the form of `--set`.
 fn flatten(
     set: &Bound<'_, PyDict>,
     prefix: &str,
@@ -124,7 +124,7 @@ impl Config {
         Self::resolve(file, values)
     }
 
-    /// All values with what they mean, as TOML.
+    /// All settings with their descriptions, as TOML.
     fn to_toml(&self) -> PyResult<String> {
         front::config_text(&self.values).map_err(|e| PyValueError::new_err(e.to_string()))
     }

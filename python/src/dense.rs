@@ -1,4 +1,4 @@
-//! Surface, mesh and grid of what stands still.
+//! Surface, mesh and grid of the static scene.
 
 use crate::arguments::{self, number, reals, value};
 use crate::arrays;
@@ -13,10 +13,10 @@ use stillpoint::dense::{
 };
 use stillpoint::geometry::Vec3;
 
-/// Points that are asked for at once, at most.
+/// Maximum number of points per query.
 const MOST: usize = 1 << 26;
 
-/// The surface of what stands still, as it was when it was asked for.
+/// The surface of the static scene at the time of the call.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Dense {
     map: Arc<DenseMap>,
@@ -30,7 +30,7 @@ impl Dense {
 
 #[pymethods]
 impl Dense {
-    /// Side of a voxel, m.
+    /// Voxel size, m.
     #[getter]
     fn voxel(&self) -> f64 {
         self.map.voxel()
@@ -39,7 +39,7 @@ impl Dense {
     /// The surface as triangles.
     ///
     /// Args:
-    ///     min_area: pieces of less are left out, m^2; None for the usual.
+    ///     min_area: minimum area of a connected piece, m^2; None for 0.01.
     #[pyo3(signature = (*, min_area=None))]
     fn mesh(&self, py: Python<'_>, min_area: Option<&Bound<'_, PyAny>>) -> PyResult<Mesh> {
         let mut options = MeshOptions::default();
@@ -50,11 +50,11 @@ impl Dense {
         Ok(Mesh { surface })
     }
 
-    /// The floor plan between two heights above the floor; None where no floor was seen.
+    /// The floor plan between two heights above the floor; None if no floor was seen.
     ///
     /// Args:
-    ///     low, high: heights, m; None for the usual.
-    ///     up: the direction away from the floor in the world, (3,); None for that of a camera that was held upright at first.
+    ///     low, high: heights, m; None for 0.1 and 1.5.
+    ///     up: the direction away from the floor in the world, (3,); None assumes that the camera was upright at the start.
     #[pyo3(signature = (*, low=None, high=None, up=None))]
     fn grid(
         &self,
@@ -90,7 +90,7 @@ impl Dense {
         Ok(plan.map(|plan| Grid { plan }))
     }
 
-    /// Signed distance to the surface at points of the world, (N,) float64, m, NaN where nothing is known: positive in front of it.
+    /// Signed distance of world points to the surface, (N,) float64, m: positive in front of it, NaN where unknown.
     ///
     /// Args:
     ///     points: (N, 3), m.
@@ -132,7 +132,6 @@ impl Dense {
     }
 }
 
-/// A direction of unit length.
 fn direction(name: &str, found: &Bound<'_, PyAny>) -> PyResult<Vec3> {
     let (_, v) = reals(name, "a direction, (3,)", found, 3)?;
     if let [x, y, z] = v[..] {
@@ -165,37 +164,37 @@ fn write(path: &Path, content: &[u8]) -> PyResult<()> {
 
 #[pymethods]
 impl Mesh {
-    /// Corners, (N, 3) float32, m.
+    /// Vertices, (N, 3) float32, m.
     #[getter]
     fn vertices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         arrays::table(py, self.surface.positions.iter().copied())
     }
 
-    /// Directions away from the surface at the corners, (N, 3) float32.
+    /// Outward normals of the vertices, (N, 3) float32.
     #[getter]
     fn normals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         arrays::table(py, self.surface.normals.iter().copied())
     }
 
-    /// Colours of the corners as RGB, (N, 3) uint8.
+    /// Colours of the vertices as RGB, (N, 3) uint8.
     #[getter]
     fn colors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u8>>> {
         arrays::table(py, self.surface.colours.iter().copied())
     }
 
-    /// Corners of each triangle, (M, 3) uint32.
+    /// Vertex indices of each triangle, (M, 3) uint32.
     #[getter]
     fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
         arrays::table(py, self.surface.triangles.iter().copied())
     }
 
-    /// Its area, m^2.
+    /// Total area, m^2.
     #[getter]
     fn area(&self) -> f64 {
         self.surface.area()
     }
 
-    /// Writes a file whose name ends with ``.ply`` or ``.glb``, as a whole or not at all.
+    /// Writes a ``.ply`` or ``.glb`` file, atomically.
     fn save(&self, py: Python<'_>, path: &Bound<'_, PyAny>) -> PyResult<()> {
         let path = arguments::path("path", path)?;
         let mut content = Vec::new();
@@ -225,7 +224,7 @@ impl Mesh {
     }
 }
 
-/// A floor plan: what is free and what is not, seen from above.
+/// A floor plan: free and occupied cells, seen from above.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Grid {
     plan: Plan,
@@ -233,7 +232,7 @@ pub(crate) struct Grid {
 
 #[pymethods]
 impl Grid {
-    /// (height, width) int8 as ROS has it: 0 free, 100 occupied, -1 unknown; the first row has the lowest y.
+    /// Cells, (height, width) int8 as in ROS: 0 free, 100 occupied, -1 unknown; the first row has the lowest y.
     #[getter]
     fn cells<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i8>>> {
         let one = |cell: &Occupancy| match cell {
@@ -245,7 +244,7 @@ impl Grid {
         arrays::grid(py, shape, self.plan.cells.iter().map(one).collect())
     }
 
-    /// Side of a cell, m.
+    /// Cell size, m.
     #[getter]
     fn resolution(&self) -> f64 {
         self.plan.resolution
@@ -257,7 +256,7 @@ impl Grid {
         (self.plan.origin[0], self.plan.origin[1])
     }
 
-    /// Writes a map as ROS's map_server reads it: a file whose name ends with ``.yaml``, and the image beside it.
+    /// Writes a map for ROS's map_server: a ``.yaml`` file and its image.
     fn save(&self, path: &Bound<'_, PyAny>) -> PyResult<()> {
         let path = arguments::path("path", path)?;
         if ending(&path) != "yaml" {

@@ -1,4 +1,4 @@
-//! What a detector of the user's sees.
+//! Detections of the user's detector.
 
 use crate::arguments::{is_bool, number, reals, value, words, wrong_type};
 use crate::guard::calling;
@@ -8,18 +8,18 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString, PyTuple};
 use stillpoint::detection::{BoundingBox, ClassId, Detection as Seen};
 
-/// Detections of one frame, at most: a detector that says more is none.
+/// Maximum number of detections per frame; more indicate a wrong detector.
 const MOST: usize = 10_000;
 
-/// Numbers of a row.
+/// Columns of a row.
 const ROW: &str = "x0, y0, x1, y1, score, class";
 
-/// One thing that a detector sees.
+/// A detected object.
 ///
 /// Args:
 ///     class_name: name of a class of COCO (``person``), or its number among the 80.
-///     score: how sure the detector is, 0 to 1.
-///     box: x0, y0, x1, y1 in the raw image, px; the pixel centred at (0, 0) reaches from -0.5 to 0.5.
+///     score: confidence of the detector, 0 to 1.
+///     box: x0, y0, x1, y1 in the raw image, px; the pixel centred at (0, 0) spans -0.5 to 0.5.
 ///
 /// >>> Detection("person", 0.9, (10, 20, 110, 220))
 /// Detection('person', 0.9, (10.0, 20.0, 110.0, 220.0))
@@ -59,19 +59,19 @@ impl Detection {
         })
     }
 
-    /// Name of its class.
+    /// Name of the class.
     #[getter]
     fn class_name(&self) -> &'static str {
         self.seen.class.name()
     }
 
-    /// Number of its class among the 80 of COCO.
+    /// Number of the class among the 80 of COCO.
     #[getter]
     fn class_id(&self) -> u8 {
         self.seen.class.0
     }
 
-    /// How sure the detector is, 0 to 1.
+    /// Confidence of the detector, 0 to 1.
     #[getter]
     fn score(&self) -> f32 {
         self.seen.score
@@ -129,8 +129,8 @@ fn check(b: &BoundingBox) -> Result<(), String> {
     ))
 }
 
-/// What was seen in a frame: an array of N x 6 (x0, y0, x1, y1, score, class), or a list of such rows and of [`Detection`]s. Best score first, as
-/// the trackers of objects expect them; of equal ones as they came.
+/// Detections from an array of N x 6 (x0, y0, x1, y1, score, class), or a list of such rows and of [`Detection`]s. Sorted stably by
+/// descending score, as the trackers expect.
 pub(crate) fn detections(name: &str, found: &Bound<'_, PyAny>) -> PyResult<Vec<Seen>> {
     let mut all = if found.cast::<PyUntypedArray>().is_ok() {
         rows(name, found)?
@@ -211,7 +211,7 @@ fn seen(row: &[f64]) -> Result<Seen, String> {
     })
 }
 
-/// What of an image a detector of the user's said.
+/// Calls the user's detector on an image.
 pub(crate) fn answer(callable: &Bound<'_, PyAny>, image: Bound<'_, PyAny>) -> PyResult<Vec<Seen>> {
     let ends = || PyRuntimeError::new_err("the interpreter ends");
     let said = calling(|| callable.call1((image,))).ok_or_else(ends)??;

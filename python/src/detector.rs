@@ -1,4 +1,4 @@
-//! A detector that is loaded once and looks at the frames of one run after another.
+//! A detector that is loaded once and used by several runs.
 
 use crate::arguments::{path, value};
 use crate::guard::detached;
@@ -8,26 +8,27 @@ use stillpoint::detection::{DetectError, Detections, Detector as Looks, Detector
 use stillpoint::imaging::RgbdFrame;
 use stillpoint_cli::front;
 
-/// A detector that is loaded once, for many runs: ``detector=`` of :class:`Slam` and :func:`run` takes it. Runs at the same time take turns.
+/// A detector that is loaded once for many runs: pass it as ``detector=`` of :class:`Slam` and :func:`run`. Simultaneous runs take turns.
 ///
 /// Args:
-///     name: what ``stillpoint run --detector`` takes (``FILE.onnx``, the name of a model in the cache, ``scripted:FILE.csv``, ``auto``, ``none``).
+///     name: as for ``stillpoint run --detector`` (``FILE.onnx``, the name of a model in the cache, ``scripted:FILE.csv``, ``auto``,
+///         ``none``).
 ///
 /// Raises:
-///     ValueError: it names no detector, or one that cannot be used.
+///     ValueError: unknown or unusable detector.
 ///
 /// >>> Detector("none")
 /// Detector('none')
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Detector {
     name: String,
-    /// `None` where nobody looks.
+    /// `None` for the detector `none`.
     kept: Option<Kept>,
     looks_at_colours: bool,
 }
 
 impl Detector {
-    /// Who looks, and whether at colours.
+    /// The detector, and whether it needs colour images.
     pub(crate) fn parts(&self) -> (Option<Box<dyn Looks>>, bool) {
         let kept = self.kept.clone();
         let looks = kept.map(|k| -> Box<dyn Looks> { Box::new(k) });
@@ -54,13 +55,13 @@ impl Detector {
     }
 }
 
-/// One detector in the hands of several runs.
+/// A detector shared by several runs.
 #[derive(Clone)]
 struct Kept(Arc<Mutex<Box<dyn Looks>>>);
 
 impl Looks for Kept {
     fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
-        // After a panic the next frame may be tried as if nothing had happened.
+        // A panic does not affect later frames.
         let mut detector = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         detector.detect(frame)
     }

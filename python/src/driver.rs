@@ -1,6 +1,4 @@
-//! The system behind a `Slam`: in one thread, or with threads.
-//!
-//! Answers: what becomes of one frame, and what is known at any time. Knows nothing of Python.
+//! The system behind a `Slam`, in one thread or with threads. Independent of Python.
 
 use crate::events::Queue;
 use crate::live::Live;
@@ -18,19 +16,18 @@ use stillpoint::slam::{
 };
 use stillpoint_cli::front::{self, ResultRecorder};
 
-/// Why a frame has no answer.
+/// Reason for the lack of a frame's result.
 pub(crate) enum Trouble {
-    /// It does not follow the one before.
+    /// It does not follow the previous frame.
     Refused(RefusedFrame),
-    /// The run is over.
+    /// The run is finished.
     Over,
-    /// As many frames as there are numbers.
+    /// Frame numbers are exhausted.
     Full,
     /// A thread of the run ended.
     Broken(String),
 }
 
-/// Images as the system takes them, with their stamps, s.
 pub(crate) struct Taken {
     pub(crate) stamp: f64,
     pub(crate) depth_stamp: f64,
@@ -52,50 +49,46 @@ impl Taken {
     }
 }
 
-/// What is known of a run at a moment.
 pub(crate) struct Known {
     pub(crate) view: Arc<MapView>,
     pub(crate) trajectory: Trajectory,
 }
 
 impl Known {
-    /// Final poses of the largest submap, as `trajectory.txt` has them.
+    /// Final poses of the largest submap, as in `trajectory.txt`.
     pub(crate) fn poses(&self) -> Vec<(TrajectoryEntry, StampedPose)> {
         front::final_poses(&self.trajectory, &self.view)
     }
 }
 
-/// Either way of running.
 pub(crate) enum Driver {
     Inline(Box<Inline>),
     Live(Box<Live>),
 }
 
-/// One thread.
 pub(crate) struct Inline {
     system: System,
     next: Option<u32>,
-    /// One queue per listener, while the listener exists.
+    /// One queue per listener, as long as the listener exists.
     queues: Vec<Queue>,
     dense: Surface,
-    /// What a result folder says, if one is to be written.
+    /// Recorder of a requested result folder.
     result: Option<Box<ResultRecorder>>,
     stride: u64,
-    /// Frames that were taken.
+    /// Accepted frames.
     steps: u64,
     is_over: bool,
 }
 
-/// The surface, if it is wanted.
 pub(crate) enum Surface {
     Unwanted,
     Growing(Box<Dense>),
-    /// With what was done for it.
+    /// With its statistics.
     Final(Box<(DenseMap, DenseCounts)>),
 }
 
 impl Surface {
-    /// All that is kept, at the final poses.
+    /// Fuses all stored frames at their final poses.
     pub(crate) fn finish(&mut self, known: &Known) {
         let this = std::mem::replace(self, Self::Unwanted);
         *self = match this {
@@ -121,7 +114,7 @@ impl Surface {
         }
     }
 
-    /// The final one, and what was done for it.
+    /// The final surface with its statistics.
     pub(crate) fn counted(&self) -> Option<(DenseMap, DenseCounts)> {
         match self {
             Self::Final(map) => Some((**map).clone()),
@@ -159,7 +152,7 @@ impl Inline {
         for event in events {
             match event {
                 Event::Frame(frame) => answer = Some(frame),
-                // Its number is the next one's: it was not looked at.
+                // Its number is reused, because it was not processed.
                 Event::Refused(refused) => return Err(Trouble::Refused(refused)),
                 _ => {}
             }
@@ -207,7 +200,7 @@ impl Inline {
 }
 
 impl Driver {
-    /// Tracks a frame, and says what became of it.
+    /// Tracks a frame and returns its result.
     pub(crate) fn track(
         &mut self,
         taken: Taken,
@@ -230,7 +223,7 @@ impl Driver {
         Ok(tracked)
     }
 
-    /// Takes what the inertial sensor measured up to the next frame.
+    /// Adds IMU samples up to the next frame.
     pub(crate) fn receive_inertial(&mut self, samples: Vec<ImuSample>) {
         match self {
             Self::Inline(inline) if !inline.is_over => inline.system.receive_inertial(samples),
@@ -239,7 +232,7 @@ impl Driver {
         }
     }
 
-    /// Takes what the wheels did up to the next frame.
+    /// Adds wheel odometry up to the next frame.
     pub(crate) fn receive_odometry(&mut self, samples: Vec<OdometrySample>) {
         match self {
             Self::Inline(inline) if !inline.is_over => inline.system.receive_odometry(samples),
@@ -248,7 +241,7 @@ impl Driver {
         }
     }
 
-    /// Keeps from now on what a result folder says.
+    /// Starts recording for a result folder.
     pub(crate) fn keep_result(&mut self, recorder: ResultRecorder) -> std::io::Result<()> {
         match self {
             Self::Inline(inline) => {
@@ -259,7 +252,7 @@ impl Driver {
         }
     }
 
-    /// What was kept for a result folder; nothing where nobody asked for it.
+    /// Accesses the recorder of a result folder, if requested.
     pub(crate) fn with_result<R>(&self, look: impl FnOnce(&ResultRecorder) -> R) -> Option<R> {
         match self {
             Self::Inline(inline) => inline.result.as_deref().map(look),
@@ -267,7 +260,7 @@ impl Driver {
         }
     }
 
-    /// The detector that runs in this thread.
+    /// The detector running in this thread.
     pub(crate) fn detector(&self) -> Option<DetectorInfo> {
         match self {
             Self::Inline(inline) => inline.system.detector().map(Detector::info),
@@ -275,7 +268,7 @@ impl Driver {
         }
     }
 
-    /// The final surface of a run that is over, and what was done for it.
+    /// The final surface of a finished run, with its statistics.
     pub(crate) fn counted_surface(&self) -> Option<(DenseMap, DenseCounts)> {
         match self {
             Self::Inline(inline) => inline.dense.counted(),
@@ -283,7 +276,7 @@ impl Driver {
         }
     }
 
-    /// Whether it is the next frame's turn to be shown to a detector of the caller's; never in a live run, which asks by itself.
+    /// Whether the caller has to run the user's detector on the next frame; never in a live run.
     pub(crate) fn asks(&self) -> bool {
         match self {
             Self::Inline(inline) => inline.steps.is_multiple_of(inline.stride),
@@ -291,7 +284,6 @@ impl Driver {
         }
     }
 
-    /// Whether the run is over.
     pub(crate) fn is_over(&self) -> bool {
         match self {
             Self::Inline(inline) => inline.is_over,
@@ -299,7 +291,6 @@ impl Driver {
         }
     }
 
-    /// What is known now.
     pub(crate) fn known(&self) -> Known {
         match self {
             Self::Inline(inline) => inline.known(),
@@ -307,7 +298,7 @@ impl Driver {
         }
     }
 
-    /// The map as it is now, to be saved, with what is known of the camera's timing.
+    /// Accesses the current map for saving, with the estimated timing of the camera.
     pub(crate) fn with_map<R>(&self, look: impl FnOnce(&Map, Option<&Timing>) -> R) -> Option<R> {
         match self {
             Self::Inline(inline) => Some(look(inline.system.map(), Some(&inline.system.timing()))),
@@ -315,7 +306,7 @@ impl Driver {
         }
     }
 
-    /// The surface as it is now; none where none was asked for.
+    /// The current surface, if requested.
     pub(crate) fn surface(&self) -> Option<DenseMap> {
         match self {
             Self::Inline(inline) => inline.dense.map(),
@@ -323,7 +314,7 @@ impl Driver {
         }
     }
 
-    /// Has somebody listen from now on; at most so many events wait.
+    /// Adds a listener with a queue of at most `room` events.
     pub(crate) fn listen(&mut self, room: usize) -> crate::events::Source {
         match self {
             Self::Inline(inline) => {
@@ -339,7 +330,7 @@ impl Driver {
         }
     }
 
-    /// Ends the stream; a second time nothing happens.
+    /// Ends the stream; idempotent.
     pub(crate) fn finish(&mut self) {
         match self {
             Self::Inline(inline) => inline.finish(),

@@ -1,4 +1,4 @@
-//! The events of a run, one after the other, for code that polls.
+//! The events of a run, for polling.
 
 use crate::frame::Frame;
 use pyo3::exceptions::PyStopIteration;
@@ -10,10 +10,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use stillpoint::slam::{Event as Happened, FrameEvent};
 
-/// How often a wait looks for Ctrl-C.
+/// Interval of checks for Ctrl-C while waiting.
 const NAP: Duration = Duration::from_millis(100);
 
-/// Events that wait for one listener of a run in one thread; the oldest give way.
+/// Event queue of one listener of a single-threaded run; drops the oldest when full.
 #[derive(Clone)]
 pub(crate) struct Queue(Arc<Mutex<Waiting>>);
 
@@ -38,12 +38,12 @@ impl Queue {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether anybody but the run has it.
+    /// Whether the listener still exists.
     pub(crate) fn is_wanted(&self) -> bool {
         Arc::strong_count(&self.0) > 1
     }
 
-    /// Without the images, of which a long queue would hold gigabytes.
+    /// Drops images, which would take gigabytes in a long queue.
     pub(crate) fn put(&self, event: &Happened) {
         let mut waiting = self.lock();
         if waiting.events.len() >= waiting.room {
@@ -65,16 +65,14 @@ impl Queue {
     }
 }
 
-/// Where events come from.
 #[derive(Clone)]
 pub(crate) enum Source {
     Queue(Queue),
-    /// With whether the run is over.
+    /// With a flag that is set when the run is finished.
     Live(Arc<stillpoint::live::Events>, Arc<AtomicBool>),
 }
 
 impl Source {
-    /// Of a run that is over.
     pub(crate) fn over() -> Self {
         let queue = Queue::new(1);
         queue.close();
@@ -84,8 +82,8 @@ impl Source {
 
 /// Events of a run, as an iterator.
 ///
-/// In a run in one thread it gives what has happened since, and then ends; it may be asked again after the next frame. In a live run it waits
-/// for what comes next, and ends with the run.
+/// In a single-threaded run the iteration yields past events, and can be continued after the next frame. In a live run it waits for
+/// the next event, and stops at the end of the run.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Events {
     source: Source,
@@ -121,7 +119,7 @@ impl Events {
         }
     }
 
-    /// The next event if one is there, else None. Never waits.
+    /// The next event if available, else None. Never waits.
     fn poll(&self, py: Python<'_>) -> PyResult<Option<Event>> {
         let next = match &self.source {
             Source::Queue(queue) => queue.lock().events.pop_front(),
@@ -130,7 +128,7 @@ impl Events {
         next.map(|event| Event::new(py, event)).transpose()
     }
 
-    /// Events that were left out because too many waited.
+    /// Number of events dropped from the full queue.
     #[getter]
     fn missed(&self) -> u64 {
         match &self.source {
@@ -140,10 +138,10 @@ impl Events {
     }
 }
 
-/// One thing that happened.
+/// One event.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Event {
-    /// What kind it is: frame, refused, mapped, detected, detector_failed, rejudged, revoked, looped or corrected.
+    /// Kind of event: frame, refused, mapped, detected, detector_failed, rejudged, revoked, looped or corrected.
     #[pyo3(get)]
     kind: &'static str,
     frame: Option<Py<Frame>>,
@@ -153,13 +151,13 @@ pub(crate) struct Event {
 
 #[pymethods]
 impl Event {
-    /// The frame, where the event is one: without its images.
+    /// The frame of a frame event, without its images; else None.
     #[getter]
     fn frame(&self, py: Python<'_>) -> Option<Py<Frame>> {
         self.frame.as_ref().map(|f| f.clone_ref(py))
     }
 
-    /// Its numbers, by name.
+    /// Numeric values by name.
     #[getter]
     fn values(&self, py: Python<'_>) -> Py<PyDict> {
         self.values.clone_ref(py)

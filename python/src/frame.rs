@@ -1,4 +1,4 @@
-//! What became of a frame.
+//! Results of a frame.
 
 use crate::arrays;
 use crate::objects::Object;
@@ -11,9 +11,9 @@ use stillpoint::geometry::Se3;
 use stillpoint::imaging::RgbdFrame;
 use stillpoint::slam::{FeatureVerdict, FrameEvent, Health as Standing, Outcome};
 
-/// A frame that went through tracking: pose, state, verdicts, mask, objects, health. It never changes.
+/// A tracked frame: pose, state, verdicts, mask, objects, health. Immutable.
 ///
-/// Attributes are computed when they are asked for; images are views without a copy and cannot be written to.
+/// Attributes are computed on access; images are read-only views without a copy.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Frame {
     event: Arc<FrameEvent>,
@@ -45,13 +45,13 @@ impl Frame {
         self.event.report.frame.0
     }
 
-    /// Stamp of its colour image, s.
+    /// Stamp of the colour image, s.
     #[getter]
     fn stamp(&self) -> f64 {
         self.event.report.stamp
     }
 
-    /// initialised (a map begins here), tracked, relocalised, carried (by a gyroscope or wheels) or lost.
+    /// State: initialised (start of a map), tracked, relocalised, carried (by a gyroscope or wheel odometry) or lost.
     #[getter]
     fn state(&self) -> &'static str {
         match self.event.report.outcome {
@@ -69,7 +69,7 @@ impl Frame {
         self.pose_of().is_some()
     }
 
-    /// Why there is no pose, in words; None when there is one.
+    /// Reason for the lack of a pose, as text; None if there is one.
     #[getter]
     fn reason(&self) -> Option<String> {
         match (self.event.report.outcome, &self.event.health.loss) {
@@ -79,41 +79,40 @@ impl Frame {
         }
     }
 
-    /// Pose world_from_camera as known at this frame, (4, 4) float64, m; None when it is lost.
+    /// Pose world_from_camera as known at this frame, (4, 4) float64, m; None if lost.
     #[getter]
     fn pose<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         self.pose_of().map(|p| arrays::pose(py, p)).transpose()
     }
 
-    /// Position of the camera in the world, (3,) float64, m; None when it is lost.
+    /// Position of the camera in the world, (3,) float64, m; None if lost.
     #[getter]
     fn position<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         let t = self.pose_of()?.translation;
         Some(arrays::row(py, vec![t.x, t.y, t.z]))
     }
 
-    /// Rotation of the pose as x, y, z, w with w >= 0, (4,) float64; None when it is lost.
+    /// Rotation of the pose as x, y, z, w with w >= 0, (4,) float64; None if lost.
     #[getter]
     fn quaternion<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         let pose = self.pose_of()?;
         Some(arrays::row(py, arrays::quaternion(pose).to_vec()))
     }
 
-    /// Covariance of the pose as a twist [translation; rotation] in the axes of the camera, (6, 6) float64, in m and rad; None where it is
-    /// not known.
+    /// Covariance of the pose as a twist [translation; rotation] in the camera's frame, (6, 6) float64, in m and rad; None if unknown.
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let m = self.event.health.covariance.as_ref();
         m.map(|m| arrays::square(py, m)).transpose()
     }
 
-    /// Landmark matches that agree with the pose.
+    /// Number of inlier landmark matches.
     #[getter]
     fn inliers(&self) -> u32 {
         self.event.report.counts.inliers
     }
 
-    /// How many features each step dealt with, by name.
+    /// Numbers of features in each step, by name.
     #[getter]
     fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let c = &self.event.report.counts;
@@ -135,26 +134,26 @@ impl Frame {
         Ok(counts)
     }
 
-    /// Whether it became a keyframe.
+    /// Whether the frame became a keyframe.
     #[getter]
     fn is_keyframe(&self) -> bool {
         self.event.report.is_keyframe
     }
 
-    /// Number of the submap that the pose is in; None when it is lost.
+    /// Number of the pose's submap; None if lost.
     #[getter]
     fn submap(&self) -> Option<u32> {
         self.event.report.submap.map(|s| s.0)
     }
 
-    /// Whether the pose may ride on somebody: as a map has just begun, until it is known who moves, when it may be replaced later; or as few landmarks
-    /// hold it while much moves.
+    /// Whether it is undecided which surfaces move, so that the pose may follow a moving object and be replaced later: the map was just
+    /// started, or few landmarks support the pose while much moves.
     #[getter]
     fn undecided(&self) -> bool {
         self.event.report.is_undecided()
     }
 
-    /// What was said of each keypoint: whether it moves, and why.
+    /// The static filter's verdict on each keypoint, with reasons.
     #[getter]
     fn verdicts(&self) -> Verdicts {
         Verdicts {
@@ -162,7 +161,7 @@ impl Frame {
         }
     }
 
-    /// What moves, (height, width) uint8: 255 where the scene moves, 0 where it stands still or nothing is known.
+    /// Mask of moving regions, (height, width) uint8: 255 where the scene moves, 0 where it is static or unknown.
     #[getter]
     fn mask<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u8>>> {
         let images = self.images()?;
@@ -170,13 +169,13 @@ impl Frame {
         mask(py, || segments.mask(images))
     }
 
-    /// The objects that detections led to, as they are expected in this frame.
+    /// Objects tracked from detections, as predicted in this frame.
     #[getter]
     fn objects(&self) -> Vec<Object> {
         Object::all(&self.event.report.objects)
     }
 
-    /// How well things stand.
+    /// Health of tracking.
     #[getter]
     fn health(&self) -> Health {
         Health {
@@ -184,36 +183,37 @@ impl Frame {
         }
     }
 
-    /// What is known of the inertial sensor, by name: ``state`` (unconfirmed, confirmed or ignored), ``reason`` why it is ignored, ``gyro_bias``
-    /// (rad/s, its axes) and ``gyro_bias_sigma``, ``rotation`` (x, y, z, w: turns its axes to the camera's, as estimated) and ``rotation_sigma``
-    /// (rad), ``time_offset`` (s, to be added to its stamps, as estimated) and ``time_offset_sigma``, ``up`` in the world, or None. None without one.
+    /// State of the inertial sensor, by name: ``state`` (unconfirmed, confirmed or ignored), ``reason`` (why it is ignored), ``gyro_bias``
+    /// (rad/s, sensor frame) and ``gyro_bias_sigma``, ``rotation`` (estimated, sensor to camera frame: x, y, z, w) and ``rotation_sigma``
+    /// (rad), ``time_offset`` (estimated, added to the sensor's stamps, s) and ``time_offset_sigma``, ``up`` in the world, or None. None
+    /// without a sensor.
     #[getter]
     fn inertial<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let report = self.event.report.inertial.as_ref();
         report.map(|r| crate::inertial::report(py, r)).transpose()
     }
 
-    /// What is known of the odometry, or of the poses that were handed over beforehand, by name: ``state`` (unconfirmed, confirmed or ignored), ``reason`` why it is ignored,
-    /// or None, ``samples`` that were used so far, ``slips``: how often it went otherwise than the map bears out. None without any.
+    /// State of the odometry or of priors, by name: ``state`` (unconfirmed, confirmed or ignored), ``reason`` (why it is ignored) or None,
+    /// ``samples`` used, ``slips``: number of motions that the map contradicted. None without either.
     #[getter]
     fn odometry<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let report = self.event.report.odometry.as_ref();
         report.map(|r| crate::odometry::report(py, r)).transpose()
     }
 
-    /// The grey image that was tracked, (height, width) uint8; a view that cannot be written to.
+    /// The tracked grey image, (height, width) uint8; a read-only view.
     #[getter]
     fn gray<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<u8>>> {
         arrays::gray(&this.get().images()?.gray, this.clone().into_any())
     }
 
-    /// The depth image that was tracked, (height, width) float32, m, 0 where there is none; a view that cannot be written to.
+    /// The tracked depth image, (height, width) float32, m, 0 if unmeasured; a read-only view.
     #[getter]
     fn depth<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         arrays::depth(&this.get().images()?.depth, this.clone().into_any())
     }
 
-    /// The colour image as RGB, (height, width, 3) uint8, where a detector or a surface wanted it, else None; a view that cannot be written to.
+    /// The colour image as RGB, (height, width, 3) uint8, if a detector or the surface needs colours, else None; a read-only view.
     #[getter]
     fn color<'py>(this: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
         let colour = this.get().images()?.colour.as_ref();
@@ -222,7 +222,7 @@ impl Frame {
             .transpose()
     }
 
-    /// Draws the frame with its keypoints and what moves by matplotlib, and returns the axes.
+    /// Plots the frame with its keypoints and moving regions by matplotlib, and returns the axes.
     #[pyo3(signature = (ax=None))]
     fn plot<'py>(
         this: &Bound<'py, Self>,
@@ -248,7 +248,7 @@ impl Frame {
     }
 }
 
-/// A mask as an array; it takes a while to draw.
+/// A mask as an array. Drawing it takes time, so without the interpreter's lock.
 pub(crate) fn mask(
     py: Python<'_>,
     draw: impl FnOnce() -> stillpoint::imaging::GrayImage + Send,
@@ -258,7 +258,7 @@ pub(crate) fn mask(
     arrays::grid(py, shape, image.data().to_vec())
 }
 
-/// What the static filter says of keypoints, N of them, in the order of extraction.
+/// The static filter's verdicts on N keypoints, in the order of extraction.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Verdicts {
     pub(crate) all: Arc<[FeatureVerdict]>,
@@ -270,25 +270,25 @@ impl Verdicts {
         self.all.len()
     }
 
-    /// Where they are, (N, 2) float32, raw px as x, y.
+    /// Positions, (N, 2) float32, raw px as x, y.
     #[getter]
     fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         arrays::table(py, self.all.iter().map(|v| v.pixel))
     }
 
-    /// Whether each moves and is kept from tracking and mapping, (N,) bool.
+    /// Whether each is dynamic and excluded from tracking and mapping, (N,) bool.
     #[getter]
     fn dynamic<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         arrays::row(py, self.all.iter().map(|v| v.dynamic).collect())
     }
 
-    /// Risk of keeping each, in log odds of "moving", (N,) float32.
+    /// Risk of each, as log odds of "moving", (N,) float32.
     #[getter]
     fn risk<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
         arrays::row(py, self.all.iter().map(|v| v.risk).collect())
     }
 
-    /// Why, one text per keypoint, joined by +: object, epipolar, depth, rigid, age, parked, released; empty for no reason.
+    /// Reasons, one text per keypoint, joined by +: object, epipolar, depth, rigid, age, parked, released; empty for none.
     #[getter]
     fn reasons(&self) -> Vec<String> {
         self.all.iter().map(|v| v.reasons.to_string()).collect()
@@ -300,7 +300,7 @@ impl Verdicts {
     }
 }
 
-/// How well things stand at a frame, for users who rely on the pose.
+/// Health of tracking at a frame, for users who rely on the pose.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Health {
     standing: Standing,
@@ -308,13 +308,13 @@ pub(crate) struct Health {
 
 #[pymethods]
 impl Health {
-    /// Quality of the pose, 0 (lost) to 1: the least of :attr:`parts`.
+    /// Quality of the pose, 0 (lost) to 1: the minimum of :attr:`parts`.
     #[getter]
     fn quality(&self) -> f64 {
         self.standing.quality.value()
     }
 
-    /// What the quality is made of, by name, each 0 to 1.
+    /// Components of the quality, by name, each 0 to 1.
     #[getter]
     fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let q = &self.standing.quality;
@@ -326,31 +326,31 @@ impl Health {
         Ok(parts)
     }
 
-    /// Standard deviation of the position, m; None where it is not known.
+    /// Standard deviation of the position, m; None if unknown.
     #[getter]
     fn sigma_m(&self) -> Option<f64> {
         self.standing.sigma_m()
     }
 
-    /// Standard deviation of the direction, rad; None where it is not known.
+    /// Standard deviation of the orientation, rad; None if unknown.
     #[getter]
     fn sigma_rad(&self) -> Option<f64> {
         self.standing.sigma_rad()
     }
 
-    /// Share of the keypoints that stand still, 0 to 1.
+    /// Share of static keypoints, 0 to 1.
     #[getter]
     fn static_share(&self) -> f64 {
         self.standing.static_share
     }
 
-    /// Share of the keypoints that move, 0 to 1.
+    /// Share of dynamic keypoints, 0 to 1.
     #[getter]
     fn dynamic_share(&self) -> f64 {
         self.standing.dynamic_share
     }
 
-    /// Share of the pixels that have a depth, 0 to 1.
+    /// Share of pixels with depth, 0 to 1.
     #[getter]
     fn depth_share(&self) -> f64 {
         self.standing.depth_share
@@ -368,7 +368,7 @@ impl Health {
         self.standing.map_age
     }
 
-    /// Why the camera is lost and what helps, in words; None when it is not.
+    /// Reason for the loss, with advice, as text; None if the camera is not lost.
     #[getter]
     fn loss(&self) -> Option<String> {
         self.standing.loss.as_ref().map(ToString::to_string)

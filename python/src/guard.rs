@@ -1,7 +1,6 @@
-//! Work without the interpreter's lock, what a panic in it becomes, and what becomes of it when the interpreter ends.
+//! Work without the interpreter's lock: panics, exclusive access, and shutdown.
 //!
-//! Answers: how a value that several threads of Python hold is changed by one at a time. No code of Python ever runs while one has it, so
-//! nobody waits for the other in a circle.
+//! Python threads modify a value one at a time. No Python code runs meanwhile, so there are no deadlocks.
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -11,8 +10,7 @@ use std::sync::{Condvar, Mutex, PoisonError};
 use std::thread::ThreadId;
 use std::time::Duration;
 
-/// Runs `work` without the interpreter's lock. A panic is a defect of this package; it becomes a `RuntimeError` like any other, since
-/// nothing of it may end the interpreter.
+/// A panic, which is a defect of this package, becomes a `RuntimeError` instead of ending the interpreter.
 pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let done = py.detach(|| {
         let done = catch_unwind(AssertUnwindSafe(work));
@@ -29,16 +27,16 @@ pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send)
     })
 }
 
-/// Whether the interpreter ends.
+/// Whether the interpreter is shutting down.
 static ENDS: AtomicBool = AtomicBool::new(false);
-/// The thread that ends it.
+/// The thread that shuts it down.
 static ENDING: Mutex<Option<ThreadId>> = Mutex::new(None);
-/// Functions of the user's that this module is calling.
+/// Number of running calls of user functions.
 static CALLS: Mutex<usize> = Mutex::new(0);
 static RETURNED: Condvar = Condvar::new();
-/// How long the end waits for such functions.
+/// Maximum time that shutdown waits for user functions.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Time for threads that wait for the interpreter's lock to get it.
+/// Time for threads waiting for the interpreter's lock to get it.
 const PAUSE: Duration = Duration::from_millis(30);
 
 fn is_over() -> bool {
@@ -47,15 +45,15 @@ fn is_over() -> bool {
     ENDS.load(Ordering::SeqCst) && ending() != here
 }
 
-/// A thread that asks for the lock of an interpreter that ends is ended by it, in the middle of what it does, which ends the process with an
-/// error. Such a thread stays here instead; the process ends without it.
+/// The interpreter kills a thread that requests the lock during shutdown, which ends the process with an error. Parking it here avoids
+/// that.
 fn stay_if_over() {
     while is_over() {
         std::thread::park();
     }
 }
 
-/// Calls a function of the user's; none once the interpreter ends.
+/// Calls a user function; `None` during shutdown.
 pub(crate) fn calling<R>(call: impl FnOnce() -> R) -> Option<R> {
     struct Returned;
     impl Drop for Returned {
@@ -74,8 +72,7 @@ pub(crate) fn calling<R>(call: impl FnOnce() -> R) -> Option<R> {
     Some(call())
 }
 
-/// Prepares for the end of the interpreter: no function of the user's is called any more, and those that were called return first. Registered with
-/// `atexit`.
+/// Prepares for shutdown: no more user functions are called, and running ones return first. Registered with `atexit`.
 #[pyfunction]
 pub(crate) fn prepare_for_end(py: Python<'_>) {
     *ENDING.lock().unwrap_or_else(PoisonError::into_inner) = Some(std::thread::current().id());
@@ -88,9 +85,9 @@ pub(crate) fn prepare_for_end(py: Python<'_>) {
     });
 }
 
-/// A value that one thread has at a time.
+/// A value with exclusive access.
 pub(crate) struct Turn<T> {
-    /// Nothing once a panic left it in a state that means nothing.
+    /// `None` after a panic, which may have left an invalid state.
     value: Mutex<Option<T>>,
 }
 
@@ -101,7 +98,7 @@ impl<T: Send> Turn<T> {
         }
     }
 
-    /// Waits for the value, and works with it without the interpreter's lock.
+    /// Waits for the value, and works on it without the interpreter's lock.
     pub(crate) fn with<R: Send>(
         &self,
         py: Python<'_>,
@@ -111,7 +108,7 @@ impl<T: Send> Turn<T> {
             let mut guard = self.value.lock().unwrap_or_else(PoisonError::into_inner);
             let mut value = guard.take()?;
             let result = work(&mut value);
-            // Not reached by a panic.
+            // Not reached after a panic.
             *guard = Some(value);
             Some(result)
         })?;

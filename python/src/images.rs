@@ -1,4 +1,4 @@
-//! Images as they came, decoded as the files of a data set are: grey by the luma, depth in metres.
+//! Decoding of images as in data sets: grey from luma, depth in metres.
 
 use crate::arguments::{Depths, Pixels, colour, depth, stamp, value, words};
 use crate::camera::Camera;
@@ -13,7 +13,6 @@ use stillpoint::detection::Detection;
 use stillpoint::imaging::{ColourImage, DepthImage, GrayImage, SizeError};
 use stillpoint::slam::{RefusalReason, RefusedFrame};
 
-/// In which order the bytes of a pixel are.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Order {
     Rgb,
@@ -21,7 +20,7 @@ pub(crate) enum Order {
 }
 
 impl Order {
-    /// As the user says; RGB where nothing is said.
+    /// RGB by default.
     pub(crate) fn of(found: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let said = found.map(|f| words("color_order", f)).transpose()?;
         match said.as_deref().unwrap_or("rgb") {
@@ -35,7 +34,7 @@ impl Order {
     }
 }
 
-/// Memory for images on their way, to be used again: what is got from the system anew for each frame costs as much as the work on it.
+/// Reusable image buffers: allocating them for each frame costs as much as processing it.
 #[derive(Default)]
 struct Spare(Mutex<(Vec<u8>, Vec<u16>)>);
 
@@ -49,16 +48,15 @@ impl Spare {
     }
 }
 
-/// How the frames of one camera come in: what every object that takes frames keeps for it.
+/// Input of frames of one camera.
 pub(crate) struct Intake {
     pub(crate) camera: Camera,
     order: Order,
-    /// Whether anybody looks at the colours.
     keep_colour: AtomicBool,
     spare: Spare,
 }
 
-/// A frame that came in, and what a detector of the user's said of it; none where nobody looked.
+/// A decoded frame with the user's detections; `None` if the detector did not run.
 pub(crate) type Arrived = (Taken, Option<Vec<Detection>>);
 
 impl Intake {
@@ -71,12 +69,12 @@ impl Intake {
         }
     }
 
-    /// From now on somebody looks at the colours.
+    /// Keeps the colours of frames from here on.
     pub(crate) fn keep_colour(&self) {
         self.keep_colour.store(true, Ordering::Relaxed);
     }
 
-    /// Checks all that is handed over, then decodes the frame without the interpreter's lock.
+    /// Checks all arguments, then decodes the frame without the interpreter's lock.
     pub(crate) fn take(&self, py: Python<'_>, handed: &Handed<'_, '_>) -> PyResult<Arrived> {
         let raw = handed.copy(&self.camera, self.order, &self.spare)?;
         let seen = handed.detections.map(|d| detections("detections", d));
@@ -87,7 +85,7 @@ impl Intake {
     }
 }
 
-/// A frame that does not follow the one before, by the argument that is to blame.
+/// The exception for a refused frame, naming the wrong argument.
 pub(crate) fn refused(refused: RefusedFrame) -> PyErr {
     match refused.reason {
         RefusalReason::Stamp { .. } => value("stamp", refused),
@@ -95,7 +93,6 @@ pub(crate) fn refused(refused: RefusedFrame) -> PyErr {
     }
 }
 
-/// Why there is no answer to a frame, as an exception.
 pub(crate) fn trouble(trouble: Trouble) -> PyErr {
     match trouble {
         Trouble::Refused(frame) => refused(frame),
@@ -111,7 +108,7 @@ pub(crate) fn trouble(trouble: Trouble) -> PyErr {
     }
 }
 
-/// What a user hands over for one frame, with its stamps and what a detector saw in it.
+/// Arguments for one frame.
 pub(crate) struct Handed<'a, 'py> {
     pub(crate) stamp: &'a Bound<'py, PyAny>,
     pub(crate) colour: &'a Bound<'py, PyAny>,
@@ -120,7 +117,7 @@ pub(crate) struct Handed<'a, 'py> {
     pub(crate) detections: Option<&'a Bound<'py, PyAny>>,
 }
 
-/// The same, checked and copied.
+/// Checked and copied arguments.
 struct Raw {
     stamps: [f64; 2],
     pixels: Pixels,
@@ -131,7 +128,7 @@ struct Raw {
 }
 
 impl Handed<'_, '_> {
-    /// Checks everything, and copies it: Python may change its arrays as soon as its lock is free.
+    /// Python code may change its arrays as soon as the lock is released.
     fn copy(&self, camera: &Camera, order: Order, spare: &Spare) -> PyResult<Raw> {
         let (colours, depths) = spare.take();
         let size = camera.size();
@@ -152,7 +149,7 @@ impl Handed<'_, '_> {
 }
 
 impl Raw {
-    /// The frame; with its colours where they are wanted.
+    /// Decodes the frame, with its colours if needed.
     fn decode(self, keep_colour: bool, spare: &Spare) -> Result<Taken, SizeError> {
         let [w, h] = self.size;
         let (mut bytes_left, mut raw_left) = (Vec::new(), Vec::new());
@@ -196,7 +193,7 @@ impl Raw {
     }
 }
 
-/// As the decoder of data sets has it: one rounding, and 65535 stands for no measurement.
+/// As in the decoder of data sets: one rounding, and 65535 means unmeasured.
 fn metres(raw: u16, scale: f64) -> f32 {
     if raw == u16::MAX {
         0.0

@@ -1,4 +1,4 @@
-//! The inertial sensor: how it is mounted, its samples as arrays, and what is known of it.
+//! The inertial sensor: mount, samples as arrays, and state.
 
 use crate::arguments::{is_bool, matrix, reals, value, wrong_type, yes};
 use crate::arrays;
@@ -10,12 +10,11 @@ use stillpoint::geometry::ImuModel;
 use stillpoint::imaging::ImuSample;
 use stillpoint::slam::{InertialReport, InertialState};
 
-/// Samples at once, at most: an hour of 1 kHz.
+/// Maximum number of samples per call: an hour at 1 kHz.
 const MOST: usize = 3_600_000;
-/// Numbers of a sample.
 const ROW: usize = 7;
 
-/// The sensor that `imu=` names, if any.
+/// The sensor model from the argument `imu`, if any.
 pub(crate) fn model(
     found: Option<&Bound<'_, PyAny>>,
     camera: &Camera,
@@ -47,7 +46,6 @@ pub(crate) fn model(
     Ok(Some(model))
 }
 
-/// Samples as rows of an array.
 pub(crate) fn samples(found: &Bound<'_, PyAny>) -> PyResult<Vec<ImuSample>> {
     const EXPECTED: &str = "an array of N x 7: stamp (s), angular rate x, y, z (rad/s), specific force x, y, z (m/s^2), in order of time";
     let (shape, numbers) = reals("imu", EXPECTED, found, ROW * MOST)?;
@@ -84,7 +82,7 @@ fn sample(row: &[f64]) -> ImuSample {
     }
 }
 
-/// The same as rows again, (N, 7) float64.
+/// Samples as rows, (N, 7) float64.
 pub(crate) fn rows<'py>(
     py: Python<'py>,
     samples: &[ImuSample],
@@ -100,7 +98,7 @@ pub(crate) fn rows<'py>(
     )
 }
 
-/// What is known of the sensor, by name.
+/// The state of the sensor, by name.
 pub(crate) fn report<'py>(
     py: Python<'py>,
     report: &InertialReport,

@@ -1,8 +1,7 @@
 //! The extension module behind the Python package `stillpoint_slam`.
 //!
-//! Answers: how arrays of NumPy become frames, and how poses, maps and masks become arrays. Holds no method of its own: what is computed is
-//! the library's business, and what words mean (configuration, detectors, map files) is that of the command line. Every argument is checked
-//! here, and an exception names it; whatever takes time runs without the interpreter's lock.
+//! Converts NumPy arrays to frames, and poses, maps and masks to arrays. The algorithms are in the library; the command line defines
+//! configurations, detector names and map files. Exceptions name the invalid argument; long operations run without the interpreter's lock.
 
 mod arguments;
 mod arrays;

@@ -1,4 +1,4 @@
-//! A run with threads: tracking answers each frame before the next one is taken; detection, mapping and looping go on meanwhile.
+//! A run with threads: tracking answers each frame before the next is accepted; detection, mapping and loop closure run in parallel.
 
 use crate::arrays;
 use crate::detections::answer;
@@ -19,35 +19,34 @@ use stillpoint::map::Map;
 use stillpoint::slam::{Event, FrameEvent, Stages, Subscriber, Timing};
 use stillpoint_cli::front::ResultRecorder;
 
-/// How often it is seen to whether the threads are still there.
+/// Interval of checks whether the threads are alive.
 const LOOK: Duration = Duration::from_millis(200);
-/// Frames with their images that wait for the surface, at most: more than a second of them.
+/// Maximum number of frames with images queued for the surface: more than a second.
 const IMAGES: usize = 40;
-/// Events that wait for the answer to a frame, at most: what a second of mapping has to tell, and more.
+/// Maximum number of events queued before a frame's answer: more than those of a second of mapping.
 const WAITING: usize = 1024;
 
-/// A live run.
 pub(crate) struct Live {
     run: Option<LiveSystem>,
     events: Events,
     next: Option<u32>,
     surface: Option<Arc<Mutex<Surface>>>,
-    /// What a result folder says, if one is to be written.
+    /// Recorder of a requested result folder.
     kept: Option<Arc<Mutex<ResultRecorder>>>,
-    /// Once it is over.
+    /// `Some` after the end.
     result: Option<LiveResult>,
-    /// Tells listeners whether the run is over.
+    /// Shared with listeners: whether the run is finished.
     over: Arc<AtomicBool>,
 }
 
 impl Drop for Live {
     fn drop(&mut self) {
-        // A run that is dropped unfinished sends nothing more, so listeners must stop waiting.
+        // A run dropped unfinished sends no more events, so listeners must stop waiting.
         self.over.store(true, Ordering::Release);
     }
 }
 
-/// The surface on its own thread.
+/// Fuses the surface in its own thread.
 struct Fusing(Arc<Mutex<Surface>>);
 
 impl Subscriber for Fusing {
@@ -58,7 +57,7 @@ impl Subscriber for Fusing {
     }
 }
 
-/// What a result folder says, kept on its own thread.
+/// Records for a result folder in its own thread.
 struct Keeping(Arc<Mutex<ResultRecorder>>);
 
 impl Subscriber for Keeping {
@@ -72,7 +71,6 @@ fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Live {
-    /// Starts the threads.
     pub(crate) fn start(
         stages: Stages,
         detector: Option<Box<dyn Detector>>,
@@ -108,7 +106,7 @@ impl Live {
         let run = self.run.as_mut().ok_or(Trouble::Over)?;
         let id = FrameId(self.next.ok_or(Trouble::Full)?);
         let frame = taken.numbered(id);
-        // What waits here is of frames that were answered.
+        // Discards events of previous frames.
         self.events.try_iter().for_each(drop);
         if let Some(items) = seen {
             run.tell(Detections {
@@ -139,14 +137,14 @@ impl Live {
         }
     }
 
-    /// What the inertial sensor measured up to the next frame; whether tracking goes on is told with that.
+    /// Adds IMU samples up to the next frame; errors are reported with that frame.
     pub(crate) fn receive_inertial(&mut self, samples: Vec<ImuSample>) {
         if let Some(run) = &mut self.run {
             run.tell_inertial(samples);
         }
     }
 
-    /// The same of what the wheels did.
+    /// Likewise for wheel odometry.
     pub(crate) fn receive_odometry(&mut self, samples: Vec<OdometrySample>) {
         if let Some(run) = &mut self.run {
             run.tell_odometry(samples);
@@ -182,7 +180,7 @@ impl Live {
             let map = result.map.as_ref();
             return map.map(|map| look(map, Some(&result.timing)));
         }
-        // What tracking has learnt of the readout is known at the end.
+        // The estimated readout time is available only at the end.
         Some(look(&self.run.as_ref()?.map()?, None))
     }
 
@@ -238,7 +236,7 @@ impl Live {
     }
 }
 
-/// A function of Python's as the detector of a live run: called on the thread of detection, whenever that is free.
+/// A Python function as the detector of a live run, called in the detection thread.
 pub(crate) struct Called(pub(crate) Py<PyAny>);
 
 impl Detector for Called {
@@ -249,14 +247,14 @@ impl Detector for Called {
         };
         let colour = frame.colour.as_ref();
         let colour = colour.ok_or(DetectError::NoColour { frame: frame.id })?;
-        // None while the interpreter ends.
+        // `None` during shutdown of the interpreter.
         let ask = |py: Python<'_>| {
             let callable = self.0.bind(py);
             let image = arrays::shared_colour(py, Arc::clone(colour))?;
             let said = answer(callable, image);
             said.inspect_err(|e| e.clone_ref(py).write_unraisable(py, Some(callable)))
         };
-        // With the interpreter's lock from before the call until it is free again.
+        // Covers the time from waiting for the interpreter's lock to its release.
         let said = calling(|| Python::try_attach(ask)).flatten();
         let items = said
             .ok_or_else(|| failed("the interpreter ends".to_owned()))?
@@ -274,7 +272,7 @@ impl Detector for Called {
 }
 
 impl Called {
-    /// What a result says of it.
+    /// Description for results.
     pub(crate) fn about() -> DetectorInfo {
         DetectorInfo::new(DetectorKind::Scripted, "a function of Python's")
     }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use stillpoint::datasets::StampedPose;
 use stillpoint::map::MapView;
 
-/// What stands still and who saw it, as the map was when it was asked for. It never changes.
+/// Landmarks and keyframes of the map at the time of the call. Immutable.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Map {
     view: Arc<MapView>,
@@ -22,7 +22,7 @@ impl Map {
 
 #[pymethods]
 impl Map {
-    /// Counts up with every change.
+    /// Version, increased by every change.
     #[getter]
     fn version(&self) -> u64 {
         self.view.version()
@@ -35,14 +35,14 @@ impl Map {
         arrays::table::<f64, 3>(py, self.view.landmarks().filter_map(at))
     }
 
-    /// Ids of the landmarks, (N,) uint32, in the order of :attr:`points`; never used again.
+    /// Ids of the landmarks, (N,) uint32, in the order of :attr:`points`; never reused.
     #[getter]
     fn point_ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         let known = |(id, _)| self.view.landmark_position(id).map(|_| id.number());
         arrays::row(py, self.view.landmarks().filter_map(known).collect())
     }
 
-    /// Keyframes that see each landmark, (N,) uint32, in the order of :attr:`points`.
+    /// Number of keyframes that observe each landmark, (N,) uint32, in the order of :attr:`points`.
     #[getter]
     fn observers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         let count = |(id, l): (_, &stillpoint::map::Landmark)| {
@@ -51,7 +51,7 @@ impl Map {
         arrays::row(py, self.view.landmarks().filter_map(count).collect())
     }
 
-    /// Poses of the keyframes as a trajectory, K of them.
+    /// Poses of the K keyframes as a trajectory.
     #[getter]
     fn keyframes(&self) -> Trajectory {
         let one = |k: &Arc<stillpoint::map::Keyframe>| StampedPose {
@@ -61,7 +61,7 @@ impl Map {
         Trajectory::of(self.view.keyframes().map(one).collect())
     }
 
-    /// Ids of the keyframes, (K,) uint32: the numbers of their frames, in a run that began without a map.
+    /// Ids of the keyframes, (K,) uint32: their frame numbers, in a run that started without a map.
     #[getter]
     fn keyframe_ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         arrays::row(py, self.view.keyframes().map(|k| k.id.0).collect())
@@ -73,13 +73,13 @@ impl Map {
         arrays::poses(py, self.view.keyframes().map(|k| &k.world_from_camera))
     }
 
-    /// Number of the submap of each keyframe, (K,) uint32: poses of two submaps are in frames of reference of their own.
+    /// Number of the submap of each keyframe, (K,) uint32: each submap has its own frame of reference.
     #[getter]
     fn submaps<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         arrays::row(py, self.view.keyframes().map(|k| k.submap.0).collect())
     }
 
-    /// Which keyframes share landmarks, (E, 3) uint32: two ids, the lower first, and how many landmarks.
+    /// Covisibility edges of keyframes, (E, 3) uint32: two ids, the lower first, and the number of shared landmarks.
     #[getter]
     fn covisibility<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
         let edges = self.view.keyframes().flat_map(|k| {
@@ -89,14 +89,14 @@ impl Map {
         arrays::table(py, edges)
     }
 
-    /// Loops that were closed, (L, 2) uint32: the ids of their keyframes, the older first.
+    /// Closed loops, (L, 2) uint32: the ids of their keyframes, the older first.
     #[getter]
     fn loops<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
         let edges = self.view.loops().map(|l| [l.old.0, l.new.0]);
         arrays::table(py, edges)
     }
 
-    /// Draws landmarks and keyframes from above by matplotlib, and returns the axes.
+    /// Plots landmarks and keyframes from above by matplotlib, and returns the axes.
     #[pyo3(signature = (ax=None))]
     fn plot<'py>(
         this: &Bound<'py, Self>,

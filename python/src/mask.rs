@@ -1,4 +1,4 @@
-//! What moves, without the SLAM.
+//! Masks of moving regions, without SLAM.
 
 use crate::arguments::{pose, reals, value};
 use crate::arrays;
@@ -16,10 +16,10 @@ use stillpoint::imaging::FrameId;
 use stillpoint::slam::{self, MaskError, MovingThings};
 use stillpoint_cli::front;
 
-/// Pixels that are asked for at once, at most.
+/// Maximum number of pixels per query.
 const MOST_PIXELS: usize = 1 << 24;
 
-/// Which pixels of a stream move: the static filter without any SLAM, as a mask for another one.
+/// Masks the moving pixels of a stream: the static filter without SLAM, for use with another SLAM system.
 ///
 /// Args:
 ///     camera, config, color_order: as for :class:`Slam`.
@@ -72,16 +72,16 @@ impl DynamicMask {
         })
     }
 
-    /// Looks at the next frame, without the interpreter's lock.
+    /// Processes the next frame, without the interpreter's lock.
     ///
     /// Args:
     ///     stamp, color, depth, detections, depth_stamp: as for :meth:`Slam.track`.
     ///     pose: your own pose world_from_camera of this frame, (4, 4), m; give one for every frame or for none.
     ///
     /// Raises:
-    ///     ValueError, TypeError: an argument that cannot be used; the message names it.
+    ///     ValueError, TypeError: invalid argument; the message names it.
     #[pyo3(signature = (stamp, color, depth, detections=None, *, pose=None, depth_stamp=None))]
-    #[allow(clippy::too_many_arguments)] // They have names in Python.
+    #[allow(clippy::too_many_arguments)] // Named in Python.
     fn step(
         &self,
         py: Python<'_>,
@@ -119,7 +119,7 @@ impl DynamicMask {
         looked.map(|things| Moving { things }).map_err(refused)
     }
 
-    /// What the filter says of any raw pixels of the last frame, such as the keypoints of another system.
+    /// The filter's verdicts on any raw pixels of the last frame, such as the keypoints of another system.
     ///
     /// Args:
     ///     pixels: (N, 2) as x, y, px.
@@ -151,7 +151,7 @@ impl DynamicMask {
     }
 }
 
-/// What moves in one frame.
+/// Moving regions of one frame.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Moving {
     things: MovingThings,
@@ -165,27 +165,27 @@ impl Moving {
         self.things.frame.id.0
     }
 
-    /// Stamp of its colour image, s.
+    /// Stamp of the colour image, s.
     #[getter]
     fn stamp(&self) -> f64 {
         self.things.frame.stamp
     }
 
-    /// (height, width) uint8: 255 where the scene moves, 0 where it stands still or nothing is known.
+    /// Mask of moving regions, (height, width) uint8: 255 where the scene moves, 0 where it is static or unknown.
     #[getter]
     fn mask<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u8>>> {
         crate::frame::mask(py, || self.things.mask())
     }
 
-    /// The pose world_from_camera that this rests on, (4, 4) float64, m: yours where you gave one, else from frame to frame, with drift; None
-    /// where it is not known, and then nothing is said to move.
+    /// The pose world_from_camera used, (4, 4) float64, m: yours if given, else estimated from frame to frame, with drift; None if unknown,
+    /// and then nothing is marked as moving.
     #[getter]
     fn pose<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let pose = self.things.world_from_camera.as_ref();
         pose.map(|p| arrays::pose(py, p)).transpose()
     }
 
-    /// What is said of the filter's own keypoints.
+    /// The filter's verdicts on its own keypoints.
     #[getter]
     fn verdicts(&self) -> Verdicts {
         Verdicts {
@@ -193,7 +193,7 @@ impl Moving {
         }
     }
 
-    /// The objects that detections led to.
+    /// Objects tracked from detections.
     #[getter]
     fn objects(&self) -> Vec<Object> {
         Object::all(&self.things.objects)

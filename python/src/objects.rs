@@ -1,11 +1,11 @@
-//! Objects that detections led to, tracked through time.
+//! Objects tracked from detections.
 
 use crate::arrays;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use stillpoint::detection::{Motion, Object as Tracked, ObjectState};
 
-/// An object at a frame: what it is, where, and whether it moves.
+/// A tracked object at a frame: class, position and motion.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Object {
     tracked: Tracked,
@@ -22,13 +22,13 @@ impl Object {
 
 #[pymethods]
 impl Object {
-    /// Its number; never used again.
+    /// Id, never reused.
     #[getter]
     fn id(&self) -> u32 {
         self.tracked.id.0
     }
 
-    /// Name of its class (COCO).
+    /// Name of the class (COCO).
     #[getter]
     fn class_name(&self) -> &'static str {
         self.tracked.class.name()
@@ -40,7 +40,7 @@ impl Object {
         self.tracked.score
     }
 
-    /// How sure it is that it is there: tentative, confirmed, coasting or hidden.
+    /// State of the track: tentative, confirmed, coasting or hidden.
     #[getter]
     fn state(&self) -> &'static str {
         match self.tracked.state {
@@ -51,7 +51,7 @@ impl Object {
         }
     }
 
-    /// Whether it moves: unknown, moving or parked.
+    /// State of motion: unknown, moving or parked.
     #[getter]
     fn motion(&self) -> &'static str {
         match self.tracked.motion {
@@ -61,41 +61,41 @@ impl Object {
         }
     }
 
-    /// Where it is expected in the raw image: x0, y0, x1, y1, px.
+    /// Predicted box in the raw image: x0, y0, x1, y1, px.
     #[getter]
     fn r#box(&self) -> (f64, f64, f64, f64) {
         let b = &self.tracked.bounds;
         (b.x0, b.y0, b.x1, b.y1)
     }
 
-    /// Middle of its visible surface in the world, (3,) float64, m; None while no depth of it was seen.
+    /// Centre of the visible surface in the world, (3,) float64, m; None before its depth was measured.
     #[getter]
     fn position<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         let p = self.tracked.position?;
         Some(arrays::row(py, vec![p.x, p.y, p.z]))
     }
 
-    /// Velocity in the world, (3,) float64, m/s; None with the position.
+    /// Velocity in the world, (3,) float64, m/s; None without a position.
     #[getter]
     fn velocity<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         let v = self.tracked.velocity?;
         Some(arrays::row(py, vec![v.x, v.y, v.z]))
     }
 
-    /// Covariance of position and velocity, (6, 6) float64, in m and s; None with the position.
+    /// Covariance of position and velocity, (6, 6) float64, in m and s; None without a position.
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let m = self.tracked.covariance.as_ref();
         m.map(|m| arrays::square(py, m)).transpose()
     }
 
-    /// Width and height, m; None with the position.
+    /// Width and height, m; None without a position.
     #[getter]
     fn size(&self) -> Option<(f64, f64)> {
         self.tracked.size.map(|[w, h]| (w, h))
     }
 
-    /// Stamp of its last detection, s.
+    /// Stamp of the last detection, s.
     #[getter]
     fn last_seen(&self) -> f64 {
         self.tracked.last_seen

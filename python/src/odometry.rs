@@ -1,4 +1,4 @@
-//! Wheel odometry, and poses that the caller knows of the camera beforehand: how the camera stands on the base, samples as arrays, and what is known of it.
+//! Wheel odometry, and priors of the camera's pose: mount, samples as arrays, and state.
 
 use crate::arguments::{is_bool, matrix, number, reals, value, wrong_type, yes};
 use crate::arrays;
@@ -10,12 +10,12 @@ use stillpoint::geometry::{OdometryModel, Se3};
 use stillpoint::imaging::OdometrySample;
 use stillpoint::slam::{OdometryReport, OdometryState};
 
-/// Samples at once, at most: an hour of 1 kHz.
+/// Maximum number of samples per call: an hour at 1 kHz.
 const MOST: usize = 3_600_000;
-/// Numbers of a sample, with standard deviations and without.
+/// Numbers of a sample, with and without standard deviations.
 const ROW: usize = 10;
 const SHORT_ROW: usize = 8;
-/// What a dict may state, with ranges; the first is no figure.
+/// Keys of a dict, with ranges; the first is a matrix.
 const FIGURES: [(&str, [f64; 2]); 5] = [
     (MOUNT, [0.0; 2]),
     ("time_offset", [-1.0, 1.0]),
@@ -25,7 +25,7 @@ const FIGURES: [(&str, [f64; 2]); 5] = [
 ];
 const MOUNT: &str = "base_from_camera";
 
-/// The odometry that `odometry=` names, if any.
+/// The odometry model from the argument `odometry`, if any.
 pub(crate) fn model(
     found: Option<&Bound<'_, PyAny>>,
     camera: &Camera,
@@ -69,7 +69,7 @@ pub(crate) fn model(
     Ok(Some(model))
 }
 
-/// The model of poses of the camera itself that `prior=` announces, if it does.
+/// The model of pose priors from the argument `prior`, if any.
 pub(crate) fn prior(found: Option<&Bound<'_, PyAny>>) -> PyResult<Option<OdometryModel>> {
     let Some(found) = found.filter(|f| !f.is_none()) else {
         return Ok(None);
@@ -87,7 +87,7 @@ pub(crate) fn prior(found: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Odometr
     }
 }
 
-/// A model with the figures that a dict states, of those that it may.
+/// A model with the values of a dict, limited to `known` keys.
 fn stated(
     name: &str,
     dict: &Bound<'_, PyDict>,
@@ -115,7 +115,6 @@ fn stated(
     Ok(model)
 }
 
-/// Samples as rows of an array.
 pub(crate) fn samples(found: &Bound<'_, PyAny>) -> PyResult<Vec<OdometrySample>> {
     const EXPECTED: &str = "an array of N x 8: stamp (s), place x, y, z (m), orientation x, y, z, w of length 1; or N x 10, with standard deviations of place (m) and direction (rad), both NaN where they are not known; in order of time";
     let (shape, numbers) = reals("odometry", EXPECTED, found, ROW * MOST)?;
@@ -162,7 +161,7 @@ fn sample(row: &[f64]) -> OdometrySample {
     }
 }
 
-/// The same as rows again, (N, 10) float64.
+/// Samples as rows, (N, 10) float64.
 pub(crate) fn rows<'py>(
     py: Python<'py>,
     samples: &[OdometrySample],
@@ -179,14 +178,14 @@ pub(crate) fn rows<'py>(
     )
 }
 
-/// A pose of the camera that the caller knows, and what its motion since the one before may err by: variances of place, m^2, and direction, rad^2.
+/// A prior of the camera's pose, with variances of its motion since the previous one: position, m^2, and orientation, rad^2.
 pub(crate) struct Known {
     pose: Se3,
     variances: Option<[f64; 2]>,
 }
 
 impl Known {
-    /// A pose, or a pair of a pose and the covariance of the motion that led to it.
+    /// From a pose, or a pair of a pose and the covariance of its motion.
     pub(crate) fn of(found: &Bound<'_, PyAny>) -> PyResult<Self> {
         const EXPECTED: &str = "the pose of the camera as a 4x4 matrix of float64, in metres, or a pair of that and the covariance of its motion since the prior before, (6, 6), [translation; rotation] in m and rad";
         let pair = found.cast::<PyTuple>().ok().filter(|pair| pair.len() == 2);
@@ -229,7 +228,7 @@ impl Known {
         Ok(Self { pose, variances })
     }
 
-    /// The pose as a sample, whose deviations are those of all motions so far together, of which `sum` are the variances.
+    /// The pose with cumulative deviations; `sum` are the variances summed over all motions.
     pub(crate) fn sample(&self, stamp: f64, sum: &mut [f64; 2]) -> OdometrySample {
         for (sum, variance) in sum.iter_mut().zip(self.variances.unwrap_or_default()) {
             *sum += variance;
@@ -244,7 +243,7 @@ impl Known {
     }
 }
 
-/// What is known of the odometry, by name.
+/// The state of the odometry, by name.
 pub(crate) fn report<'py>(
     py: Python<'py>,
     report: &OdometryReport,

@@ -1,4 +1,4 @@
-//! Frames into a data set folder or a recording.
+//! Recording of frames into a data set folder or a file.
 
 use crate::arguments::{path, pose, yes};
 use crate::camera::Camera;
@@ -11,9 +11,9 @@ use stillpoint::geometry::Se3;
 use stillpoint::imaging::FrameId;
 use stillpoint::recordings::McapRecorder;
 
-/// Writes frames to be run later: into a folder as TUM has it, or into an MCAP file where the path ends with ``.mcap``. Made by :func:`record`.
+/// Writes frames into a folder in TUM's layout, or into an MCAP file if the path ends with ``.mcap``. Made by :func:`record`.
 ///
-/// Nothing has its name before :meth:`close`, which leaving a ``with`` block calls.
+/// The folder or file appears only on :meth:`close`, which is called at the end of a ``with`` block.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Recorder {
     writer: Turn<Option<Writer>>,
@@ -100,11 +100,11 @@ impl Recorder {
     ///
     /// Args:
     ///     stamp, color, depth, depth_stamp: as for :meth:`Slam.track`.
-    ///     truth: the true pose world_from_camera, (4, 4), m, where it is known.
+    ///     truth: the true pose world_from_camera, (4, 4), m, if known.
     ///
     /// Raises:
-    ///     ValueError, TypeError: an argument that cannot be used; the message names it.
-    ///     OSError: it cannot be written, or stamps do not ascend.
+    ///     ValueError, TypeError: invalid argument; the message names it.
+    ///     OSError: the frame cannot be written, or stamps do not ascend.
     #[pyo3(signature = (stamp, color, depth, *, depth_stamp=None, truth=None))]
     fn add(
         &self,
@@ -134,7 +134,7 @@ impl Recorder {
         written.map_err(|e| PyOSError::new_err(format!("path: {e}")))
     }
 
-    /// Completes what was written; a second call does nothing.
+    /// Completes the recording; idempotent.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let closed = self
             .writer

@@ -1,4 +1,4 @@
-//! The result folder of a run over a whole recording, as the command line leaves it.
+//! The result folder of a run on a whole recording, as written by the command line.
 
 use crate::arguments::value;
 use crate::driver::Driver;
@@ -11,24 +11,24 @@ use stillpoint::imaging::Simd;
 use stillpoint::slam::Config;
 use stillpoint_cli::front::{Driven, ResultRecorder};
 
-/// What a run was begun with, as its result says it.
+/// Arguments of a run, for its result.
 pub(crate) struct About {
     pub(crate) config: Config,
     pub(crate) detector: DetectorInfo,
     pub(crate) simd: Simd,
-    /// Ids that the map had before the first frame.
+    /// Ids in the map before the first frame.
     pub(crate) keyframes: usize,
 }
 
-/// Facts about the run that the reader of the recording knows.
+/// Facts about a run known from reading the recording.
 pub(crate) struct Read<'a> {
-    /// What was run on, its layout, and where the camera comes from.
+    /// Path, layout, and source of the camera.
     pub(crate) input: [String; 3],
     pub(crate) command: String,
     pub(crate) truth: Option<&'a Trajectory>,
-    /// Frames that could not be read.
+    /// Unreadable frames.
     pub(crate) skipped: usize,
-    /// s.
+    /// Duration, s.
     pub(crate) seconds: f64,
 }
 
@@ -37,7 +37,6 @@ impl About {
         ResultRecorder::new(pictures, self.keyframes)
     }
 
-    /// Writes the folder of a run that is over.
     pub(crate) fn write(&self, driver: &Driver, folder: &Path, read: Read<'_>) -> PyResult<()> {
         let known = driver.known();
         let running = driver.detector();
@@ -47,7 +46,7 @@ impl About {
             command: read.command,
             config: &self.config,
             simd: self.simd,
-            // A network knows the size of its input when it has seen an image.
+            // A network knows its input size only after the first image.
             detector: running.as_ref().unwrap_or(&self.detector),
             trajectory: &known.trajectory,
             view: known.view,

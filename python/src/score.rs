@@ -1,4 +1,4 @@
-//! How far an estimate is from the truth.
+//! Error of an estimate relative to ground truth.
 
 use crate::arguments::{number, value, words, yes};
 use crate::arrays;
@@ -14,12 +14,12 @@ use stillpoint::evaluation::{Delta, EvalOptions, Evaluation, Score as Found, Sta
 ///
 /// Args:
 ///     truth, estimate: a Trajectory, a file in the TUM format, or (stamps, poses).
-///     with_scale: whether the estimate is aligned with its scale, Sim(3) instead of SE(3).
-///     max_dt: largest difference between the stamps of a pair, s.
-///     delta: over what the relative error is taken: seconds (``1s``) or frames (``30f``).
+///     with_scale: whether to align the scale too, by Sim(3) instead of SE(3).
+///     max_dt: maximum time difference of associated poses, s.
+///     delta: interval of the relative error: seconds (``1s``) or frames (``30f``).
 ///
 /// Raises:
-///     ValueError: they do not overlap in time, or there are too few poses.
+///     ValueError: no overlap in time, or too few poses.
 ///
 /// >>> room = simulate("xyz", frames=30)
 /// >>> evaluate(room.truth, room.truth).ate_rmse < 1e-9
@@ -52,7 +52,7 @@ pub(crate) fn evaluate(
     Ok(Score { found })
 }
 
-/// What a comparison gave: absolute and relative errors, or, where the camera stands still in the truth, the drift.
+/// Absolute and relative errors, or the drift if the camera stands still in the ground truth.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Score {
     found: Found,
@@ -80,7 +80,7 @@ fn statistics<'py>(py: Python<'py>, s: &Statistics) -> PyResult<Bound<'py, PyDic
 
 #[pymethods]
 impl Score {
-    /// Root mean square of the absolute trajectory error after alignment, m; of the distances from the first pose where the camera stands still.
+    /// RMSE of the absolute trajectory error after alignment, m; of the distances from the first pose if the camera stands still.
     #[getter]
     fn ate_rmse(&self) -> f64 {
         match &self.found {
@@ -89,19 +89,19 @@ impl Score {
         }
     }
 
-    /// Root mean square of the relative error's translation over the delta, m; None where the estimate is too short.
+    /// RMSE of the relative translation error over the delta, m; None if the estimate is too short.
     #[getter]
     fn rpe_rmse(&self) -> Option<f64> {
         Some(self.moving()?.rpe.as_ref()?.translation.rmse)
     }
 
-    /// Root mean square of the relative error's rotation over the delta, degrees; None where the estimate is too short.
+    /// RMSE of the relative rotation error over the delta, degrees; None if the estimate is too short.
     #[getter]
     fn rpe_rotation_deg(&self) -> Option<f64> {
         Some(self.moving()?.rpe.as_ref()?.rotation_deg.rmse)
     }
 
-    /// Poses with ground truth.
+    /// Number of poses with ground truth.
     #[getter]
     fn pairs(&self) -> usize {
         match &self.found {
@@ -110,7 +110,7 @@ impl Score {
         }
     }
 
-    /// Whether the camera stands still in the truth, so that the drift counts.
+    /// Whether the camera stands still in the ground truth, so that the drift is scored.
     #[getter]
     fn is_fixed(&self) -> bool {
         self.moving().is_none()
@@ -125,7 +125,7 @@ impl Score {
         }
     }
 
-    /// Distance of each pair, (N,) float64, m; empty where the camera stands still.
+    /// Error of each pair, (N,) float64, m; empty if the camera stands still.
     #[getter]
     fn errors<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let pairs = self.moving().map(|e| e.ate.pairs.as_slice());
@@ -135,7 +135,7 @@ impl Score {
         )
     }
 
-    /// Positions of the estimate after alignment, (N, 3) float64, m; empty where the camera stands still.
+    /// Positions of the estimate after alignment, (N, 3) float64, m; empty if the camera stands still.
     #[getter]
     fn aligned<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let pairs = self.moving().map(|e| e.ate.pairs.as_slice());
@@ -143,7 +143,7 @@ impl Score {
         arrays::table::<f64, 3>(py, pairs.unwrap_or_default().iter().map(at))
     }
 
-    /// Positions of the truth, (N, 3) float64, m; empty where the camera stands still.
+    /// Positions of the ground truth, (N, 3) float64, m; empty if the camera stands still.
     #[getter]
     fn reference<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let pairs = self.moving().map(|e| e.ate.pairs.as_slice());

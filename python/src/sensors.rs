@@ -1,4 +1,4 @@
-//! What comes beside the images of a frame: samples of an inertial sensor, of odometry, and poses that are known beforehand.
+//! Inputs other than images: samples of an inertial sensor, of odometry, and pose priors.
 
 use crate::arguments::value;
 use crate::{inertial, odometry};
@@ -7,30 +7,27 @@ use std::sync::{Mutex, PoisonError};
 use stillpoint::geometry::{ImuModel, OdometryModel};
 use stillpoint::imaging::{ImuSample, OdometrySample};
 
-/// The sensors of a run.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Models {
     pub(crate) imu: Option<ImuModel>,
-    /// Of a base with odometry, or of the camera itself where poses of it are known beforehand.
+    /// Odometry of the base, or of the camera itself for pose priors.
     pub(crate) odometry: Option<OdometryModel>,
     pub(crate) has_prior: bool,
 }
 
-/// What is expected beside the images.
 pub(crate) struct Sensors {
     models: Models,
-    /// Variances of all motions of priors so far, m^2 and rad^2.
+    /// Variances summed over all motions of priors, m^2 and rad^2.
     sum: Mutex<[f64; 2]>,
 }
 
-/// What a user hands over beside the images of a frame.
+/// Sensor arguments of a frame.
 pub(crate) struct Beside<'a, 'py> {
     pub(crate) imu: Option<&'a Bound<'py, PyAny>>,
     pub(crate) odometry: Option<&'a Bound<'py, PyAny>>,
     pub(crate) prior: Option<&'a Bound<'py, PyAny>>,
 }
 
-/// The same, checked.
 pub(crate) struct Samples {
     pub(crate) inertial: Vec<ImuSample>,
     odometry: Vec<OdometrySample>,
@@ -45,7 +42,6 @@ impl Sensors {
         }
     }
 
-    /// Checks what was handed over.
     pub(crate) fn check(&self, beside: &Beside<'_, '_>) -> PyResult<Samples> {
         let inertial = beside
             .imu
@@ -82,7 +78,7 @@ impl Sensors {
         })
     }
 
-    /// The samples of odometry for a frame with this stamp, s.
+    /// The odometry samples for a frame with this stamp, s.
     pub(crate) fn odometry(&self, samples: &mut Samples, stamp: f64) -> Vec<OdometrySample> {
         let mut all = std::mem::take(&mut samples.odometry);
         if let Some(known) = &samples.prior {

@@ -17,20 +17,20 @@ use stillpoint::simulator::{
     DetectionNoise, SimulatedImu, SimulatedOdometry, Simulator, SimulatorConfig, scene_names,
 };
 
-/// Frames of three hours at 30 Hz, at most.
+/// Maximum number of frames: three hours at 30 Hz.
 const MOST: u64 = 324_000;
 
-/// A simulated recording: every frame is the same on every machine, and its pose is known exactly. Made by :func:`simulate`.
+/// A simulated recording: frames are reproducible on every machine, and poses known exactly. Made by :func:`simulate`.
 ///
 /// Args:
 ///     scene: one of :meth:`scenes`.
 ///     frames: number of frames; None for the scene's own length.
-///     seed: decides layout, textures, tremor and noise.
+///     seed: determines layout, textures, tremor and noise.
 ///     rate: frames per second.
-///     noise: whether images are as a real camera's; else they are ideal.
-///     camera: its camera; None for one of 640x480 px.
-///     imu: whether the frames come with samples of an inertial sensor, a BMI055; its noise does not depend on `noise`.
-///     odometry: whether they come with wheel odometry of a base under the camera, whose errors do not depend on `noise` either.
+///     noise: whether images have the noise of a real camera, or are ideal.
+///     camera: the camera; None for one of 640x480 px.
+///     imu: whether frames have samples of an inertial sensor, a BMI055; its noise is independent of `noise`.
+///     odometry: whether frames have wheel odometry of a base under the camera; its errors are independent of `noise`.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Simulation {
     simulator: Arc<Simulator>,
@@ -44,7 +44,7 @@ pub(crate) struct Simulation {
 impl Simulation {
     #[new]
     #[pyo3(signature = (scene=None, frames=None, *, seed=None, rate=None, noise=None, camera=None, imu=None, odometry=None))]
-    #[allow(clippy::too_many_arguments)] // They have names in Python.
+    #[allow(clippy::too_many_arguments)] // Named in Python.
     fn new(
         py: Python<'_>,
         scene: Option<&Bound<'_, PyAny>>,
@@ -117,13 +117,13 @@ impl Simulation {
         scene_names().to_vec()
     }
 
-    /// Whether the frames come with samples of an inertial sensor.
+    /// Whether the frames have samples of an inertial sensor.
     #[getter]
     fn has_imu(&self) -> bool {
         self.imu.is_some()
     }
 
-    /// Whether they come with wheel odometry.
+    /// Whether the frames have wheel odometry.
     #[getter]
     fn has_odometry(&self) -> bool {
         self.wheels.is_some()
@@ -156,7 +156,7 @@ impl Simulation {
         Ok(Image::new(frame, Some(truth)))
     }
 
-    /// What moves in a frame, exactly, (height, width) uint8: 255 where something moves, else 0.
+    /// The exact mask of moving pixels of a frame, (height, width) uint8: 255 where something moves, else 0.
     fn mask<'py>(
         &self,
         py: Python<'py>,
@@ -170,7 +170,7 @@ impl Simulation {
         arrays::grid(py, shape, mask.data().iter().map(moving).collect())
     }
 
-    /// What a small network would find in a frame: some are missed, and borders are off by some pixels.
+    /// Detections of a frame as from a small network: some are missed, and borders are off by some pixels.
     fn detections(&self, py: Python<'_>, index: &Bound<'_, PyAny>) -> PyResult<Vec<Detection>> {
         let index = self.index(index)?;
         let noise = DetectionNoise {

@@ -24,27 +24,28 @@ use stillpoint::detection::Detection;
 use stillpoint::slam::MapUse;
 use stillpoint_cli::front;
 
-/// RGB-D SLAM that stays still while the world moves.
+/// RGB-D SLAM for dynamic scenes.
 ///
 /// Args:
-///     camera: a Camera, the name of a preset, a camera file, or what other libraries say of theirs (see :meth:`Camera.from_info`).
+///     camera: a Camera, the name of a preset, a camera file, or a calibration object of another library (see :meth:`Camera.from_info`).
 ///     config: a Config, a TOML file or a dict of values; None for the defaults.
-///     detector: None for none; a function that takes an image ((height, width, 3) uint8, RGB) and returns detections as :meth:`track` takes
-///         them; or what ``stillpoint run --detector`` takes (``scripted:FILE.csv``, ``FILE.onnx``, the name of a model in the cache, ``auto``).
-///     live: whether detection, mapping and loop closing go on in threads of their own while the next frames are tracked. Else every frame waits
-///         for all of them, and the same frames give the same poses, bit for bit.
-///     color_order: ``rgb`` or ``bgr``: in which order the bytes of a colour pixel are. OpenCV has ``bgr``.
-///     dense: whether a surface is fused of what stands still (see :attr:`dense`); a number is its voxel, m.
-///     imu: how an inertial sensor stands to the camera, whose samples :meth:`track` gets: camera_from_imu, (4, 4) float64, m; True for what the
-///         camera's file or recording says of it; None for no sensor. Its noise is that of a BMI055, unless the camera's file says otherwise.
-///     odometry: how the camera stands on a base whose wheel odometry :meth:`track` gets: base_from_camera, (4, 4) float64, m (the base's axes are x
-///         forward, y left, z up); a dict with that and ``time_offset``, ``slip_per_metre``, ``slip_per_radian``, ``turn_per_metre``; True for what the
-///         camera's file or recording says; None for none.
-///     prior: whether :meth:`track` gets poses of the camera that are known beforehand, from odometry of your own: True, or a dict with the figures
-///         above but the first, by which they err at least. Not beside odometry.
+///     detector: None for none; a function that takes an image ((height, width, 3) uint8, RGB) and returns detections as for :meth:`track`;
+///         or a name as for ``stillpoint run --detector`` (``scripted:FILE.csv``, ``FILE.onnx``, the name of a model in the cache,
+///         ``auto``).
+///     live: whether detection, mapping and loop closure run in separate threads while the next frames are tracked. Otherwise every frame
+///         waits for them, and results are reproducible to the bit.
+///     color_order: order of the bytes of a colour pixel, ``rgb`` or ``bgr`` (OpenCV).
+///     dense: whether a surface of the static scene is fused (see :attr:`dense`); a number sets the voxel size, m.
+///     imu: pose camera_from_imu of an inertial sensor whose samples are passed to :meth:`track`, (4, 4) float64, m; True for that of the
+///         camera's file or recording; None for no sensor. The noise model is that of a BMI055, unless the camera's file gives another.
+///     odometry: pose base_from_camera on a base whose wheel odometry is passed to :meth:`track`, (4, 4) float64, m (base frame: x forward,
+///         y left, z up); a dict with that and ``time_offset``, ``slip_per_metre``, ``slip_per_radian``, ``turn_per_metre``; True for that
+///         of the camera's file or recording; None for no odometry.
+///     prior: whether :meth:`track` gets priors of the camera's pose, such as from your own odometry: True, or a dict with
+///         ``slip_per_metre``, ``slip_per_radian``, ``turn_per_metre``, their minimum errors. Excludes odometry.
 ///
 /// Raises:
-///     ValueError, TypeError: an argument that cannot be used; the message names it.
+///     ValueError, TypeError: invalid argument; the message names it.
 ///
 /// >>> room = simulate("xyz", frames=3)
 /// >>> slam = Slam(room.camera)
@@ -56,9 +57,8 @@ use stillpoint_cli::front;
 pub(crate) struct Slam {
     pub(crate) driver: Turn<Driver>,
     pub(crate) intake: Intake,
-    /// The user's function, in a run in one thread.
+    /// The user's function, in a single-threaded run.
     pub(crate) function: Option<Py<PyAny>>,
-    /// What is expected beside the images.
     pub(crate) sensors: Sensors,
     pub(crate) about: About,
 }
@@ -78,7 +78,7 @@ fn map_file(found: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
 impl Slam {
     #[new]
     #[pyo3(signature = (camera, config=None, detector=None, live=None, *, color_order=None, dense=None, imu=None, odometry=None, prior=None))]
-    #[allow(clippy::too_many_arguments)] // They have names in Python.
+    #[allow(clippy::too_many_arguments)] // Named in Python.
     fn new(
         camera: &Bound<'_, PyAny>,
         config: Option<&Bound<'_, PyAny>>,
@@ -105,15 +105,15 @@ impl Slam {
         options.check(None)?.begin(py)
     }
 
-    /// Goes on with a map that :meth:`save` or ``stillpoint run --save-map`` wrote: until a place in it is recognised the camera is lost. The
-    /// other arguments are those of the class.
+    /// Continues with a map written by :meth:`save` or ``stillpoint run --save-map``: the camera is lost until it is relocalised in the
+    /// map. The other arguments are those of the class.
     ///
     /// Raises:
-    ///     FileNotFoundError: there is no such file.
-    ///     ValueError: it is no map, or of another camera.
+    ///     FileNotFoundError: the file does not exist.
+    ///     ValueError: not a map, or one of another camera.
     #[classmethod]
     #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None, dense=None, imu=None, odometry=None, prior=None))]
-    #[allow(clippy::too_many_arguments)] // They are those of the class, and the path.
+    #[allow(clippy::too_many_arguments)] // Those of the class, and the path.
     fn load(
         _cls: &Bound<'_, PyType>,
         path: &Bound<'_, PyAny>,
@@ -143,7 +143,7 @@ impl Slam {
         options.check(Some((path, MapUse::Grow)))?.begin(py)
     }
 
-    /// Finds the camera in a map and leaves the map as it is. The arguments are those of :meth:`load`.
+    /// Localises the camera in a map without changing it. The arguments are those of :meth:`load`.
     #[classmethod]
     #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None, imu=None, odometry=None, prior=None))]
     #[allow(clippy::too_many_arguments)] // As for `load`.
@@ -178,29 +178,31 @@ impl Slam {
     /// Tracks the next frame, without the interpreter's lock.
     ///
     /// Args:
-    ///     stamp: when the colour image was taken: seconds as a float, or nanoseconds as an int. Later than the one before.
-    ///     color: (height, width, 3) uint8 in the order of color_order, or grey as (height, width) uint8. Of any strides, and never kept.
-    ///     depth: registered to the colour image, (height, width): uint16 in the camera's unit, or float32 or float64 in metres; 0 or NaN for none.
-    ///     detections: what a detector saw in this frame: an array of N x 6 (x0, y0, x1, y1, score, class of COCO), or a list of such rows and of
-    ///         Detection. An empty one means that somebody looked and saw nothing; None that nobody looked.
-    ///     depth_stamp: when the depth image was taken, as stamp; None for the same time.
-    ///     imu: what an inertial sensor measured since the frame before, and the first sample after this one where it is there: (N, 7), stamp (s),
-    ///         angular rate x, y, z (rad/s), specific force x, y, z (m/s^2). Only with ``Slam(..., imu=...)``.
-    ///     odometry: where the base was since the frame before, and the first sample after this one where it is there: (N, 8), stamp (s), place x, y, z
-    ///         (m), orientation x, y, z, w; or (N, 10), with standard deviations of place (m) and direction (rad) since it began. Only motions between
-    ///         samples count. Only with ``Slam(..., odometry=...)``.
-    ///     prior: where the camera is at this frame in a frame of reference of your own, (4, 4) float64, m: it turns and moves the camera's axes (x right,
-    ///         y down, z forward); or a pair of that and the covariance of the motion since the prior before, (6, 6), [translation; rotation] in the
-    ///         camera's axes, m and rad, of which the largest variances count. Only motions between priors count. Only with ``Slam(..., prior=...)``.
+    ///     stamp: time of the colour image: seconds as a float, or nanoseconds as an int. Must ascend.
+    ///     color: (height, width, 3) uint8 in the order of color_order, or grey as (height, width) uint8. Any strides; copied.
+    ///     depth: registered to the colour image, (height, width): uint16 in the camera's unit, or float32 or float64 in metres; 0 or NaN
+    ///         if unmeasured.
+    ///     detections: detections in this frame: an array of N x 6 (x0, y0, x1, y1, score, class of COCO), or a list of such rows and of
+    ///         Detection. Empty means that the detector found nothing; None that it did not run.
+    ///     depth_stamp: time of the depth image, as stamp; None for the same time.
+    ///     imu: samples since the previous frame, and the first one after this frame if available: (N, 7), stamp (s), angular rate x, y, z
+    ///         (rad/s), specific force x, y, z (m/s^2). Only with ``Slam(..., imu=...)``.
+    ///     odometry: poses of the base since the previous frame, and the first one after this frame if available: (N, 8), stamp (s),
+    ///         position x, y, z (m), orientation x, y, z, w; or (N, 10), with cumulative standard deviations of position (m) and
+    ///         orientation (rad). Only motions between samples are used. Only with ``Slam(..., odometry=...)``.
+    ///     prior: pose of the camera (x right, y down, z forward) at this frame in your own frame of reference, (4, 4) float64, m; or a
+    ///         pair of that and the covariance of the motion since the previous prior, (6, 6), [translation; rotation] in the camera's
+    ///         frame, m and rad, of which the largest variances are used. Only motions between priors are used. Only with ``Slam(...,
+    ///         prior=...)``.
     ///
     /// Returns:
-    ///     What became of the frame.
+    ///     The results of the frame.
     ///
     /// Raises:
-    ///     ValueError, TypeError: an argument that cannot be used; the message names it, and nothing has changed.
-    ///     RuntimeError: the run is over.
+    ///     ValueError, TypeError: invalid argument; the message names it, and the state is unchanged.
+    ///     RuntimeError: the run is finished.
     #[pyo3(signature = (stamp, color, depth, detections=None, *, depth_stamp=None, imu=None, odometry=None, prior=None))]
-    #[allow(clippy::too_many_arguments)] // They have names in Python.
+    #[allow(clippy::too_many_arguments)] // Named in Python.
     fn track(
         &self,
         py: Python<'_>,
@@ -237,14 +239,14 @@ impl Slam {
         tracked.map(Frame::new).map_err(trouble)
     }
 
-    /// Final poses of the frames so far, after all corrections until now and smoothed: those of the submap with most frames. After :meth:`finish` they are
-    /// those of ``trajectory.txt`` of the command line, to the byte (:meth:`Trajectory.save`).
+    /// Final, smoothed poses of all frames tracked, after all corrections: those of the submap with most frames. After :meth:`finish`
+    /// :meth:`Trajectory.save` writes the same bytes as the command line's ``trajectory.txt``.
     fn trajectory(&self, py: Python<'_>) -> PyResult<Trajectory> {
         let entries = self.driver.with(py, |driver| driver.known().poses())?;
         Ok(Trajectory::of_entries(entries))
     }
 
-    /// The map as it is now.
+    /// The current map.
     #[getter]
     fn map(&self, py: Python<'_>) -> PyResult<Map> {
         Ok(Map::new(
@@ -252,10 +254,10 @@ impl Slam {
         ))
     }
 
-    /// The surface as it is now, where ``dense`` asked for one: mesh and grid. After :meth:`finish` it is fused at the final poses.
+    /// The current surface: mesh and grid. After :meth:`finish` it is fused at the final poses.
     ///
     /// Raises:
-    ///     RuntimeError: none was asked for.
+    ///     RuntimeError: run without ``dense``.
     #[getter]
     fn dense(&self, py: Python<'_>) -> PyResult<Dense> {
         let map = self.driver.with(py, |driver| driver.surface())?;
@@ -264,7 +266,7 @@ impl Slam {
         })
     }
 
-    /// Events from now on, as an iterator; the oldest give way when more than `room` wait (1024).
+    /// Events from the time of the call, as an iterator; a queue of more than `room` events (1024) drops the oldest.
     #[pyo3(signature = (room=None))]
     fn events(&self, py: Python<'_>, room: Option<&Bound<'_, PyAny>>) -> PyResult<Events> {
         let room = room.map_or(Ok(1024), |r| count("room", r, 1_000_000))?;
@@ -274,8 +276,8 @@ impl Slam {
         ))
     }
 
-    /// Writes the map file that :meth:`load`, :meth:`localize` and the command line read, with the surface if there is one; as a whole or not at
-    /// all, at any time.
+    /// Writes a map file for :meth:`load`, :meth:`localize` and the command line, with the surface if there is one; atomically, at any
+    /// time.
     ///
     /// Raises:
     ///     ValueError: there is no map yet, or it cannot be written.
@@ -293,7 +295,7 @@ impl Slam {
         }
     }
 
-    /// Ends the stream: what is still outstanding is done. What was found can be read on; a second call does nothing.
+    /// Ends the stream and completes pending work. Results stay readable; idempotent.
     fn finish(&self, py: Python<'_>) -> PyResult<()> {
         self.driver.with(py, Driver::finish)
     }
@@ -310,7 +312,7 @@ impl Slam {
         self.intake.camera.clone()
     }
 
-    /// Has a run over a recording keep what its result folder says, with pictures of the frames for the report or without.
+    /// Records the result folder of a run over a recording, optionally with pictures for the report.
     fn _keep_result(&self, py: Python<'_>, pictures: bool) -> PyResult<()> {
         if pictures {
             self.intake.keep_colour();
@@ -322,8 +324,8 @@ impl Slam {
         kept.map_err(|e| PyOSError::new_err(format!("expected to start a thread, found: {e}")))
     }
 
-    /// Writes the result folder of a run that is over. `input` is what was run on, its layout and where the camera comes from; `how` is how to run it
-    /// again, how many frames could not be read, and how long it took, s.
+    /// Writes the result folder. `input` is path, layout and source of the camera; `how` is the command to repeat the run, the number of
+    /// unreadable frames, and the duration, s.
     fn _write_result(
         &self,
         py: Python<'_>,
@@ -380,7 +382,7 @@ impl Slam {
 }
 
 impl Slam {
-    /// What the user's function sees, when it is the frame's turn.
+    /// Calls the user's function, if it is due for this frame.
     fn ask(
         &self,
         py: Python<'_>,

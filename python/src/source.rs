@@ -16,7 +16,7 @@ use stillpoint::geometry::Se3;
 use stillpoint::imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame};
 use stillpoint::recordings::{self, Input, OpenOptions};
 
-/// One colour image with its depth image, as it was recorded. Arrays are views without a copy and cannot be written to.
+/// A recorded colour image with its depth image. Arrays are read-only views without a copy.
 #[pyclass(frozen, name = "RgbdFrame", module = "stillpoint_slam")]
 pub(crate) struct Image {
     frame: RgbdFrame,
@@ -56,13 +56,13 @@ impl Image {
         self.frame.depth_stamp
     }
 
-    /// Grey, (height, width) uint8.
+    /// Grey image, (height, width) uint8.
     #[getter]
     fn gray<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<u8>>> {
         arrays::gray(&this.get().frame.gray, this.clone().into_any())
     }
 
-    /// RGB, (height, width, 3) uint8.
+    /// Colour image as RGB, (height, width, 3) uint8.
     ///
     /// Raises:
     ///     ValueError: the recording was opened without colours.
@@ -76,21 +76,21 @@ impl Image {
         }
     }
 
-    /// Depth, (height, width) float32, m; 0 where there is none.
+    /// Depth, (height, width) float32, m; 0 if unmeasured.
     #[getter]
     fn depth<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         arrays::depth(&this.get().frame.depth, this.clone().into_any())
     }
 
-    /// What the inertial sensor measured since the frame before, and the first sample after this one, as :meth:`Slam.track` takes it: (N, 7)
+    /// Samples of the inertial sensor since the previous frame, and the first one after this frame, as for :meth:`Slam.track`: (N, 7)
     /// float64. N is 0 without a sensor.
     #[getter]
     fn imu<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         inertial::rows(py, &self.inertial)
     }
 
-    /// Where the wheels say that the base was since the frame before, and the first sample after this one, as :meth:`Slam.track` takes it: (N, 10)
-    /// float64, NaN where no deviations are known. N is 0 without odometry.
+    /// Wheel odometry of the base since the previous frame, and the first sample after this frame, as for :meth:`Slam.track`: (N, 10)
+    /// float64, NaN for unknown deviations. N is 0 without odometry.
     #[getter]
     fn odometry<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         odometry::rows(py, &self.odometry)
@@ -114,7 +114,7 @@ impl Image {
     }
 }
 
-/// Frames, one after the other, read ahead on a thread of their own.
+/// Frames in sequence, read ahead in a separate thread.
 #[pyclass(frozen, name = "RgbdFrames", module = "stillpoint_slam")]
 pub(crate) struct Images {
     source: Turn<Reading>,
@@ -122,10 +122,9 @@ pub(crate) struct Images {
 
 struct Reading {
     frames: Box<dyn FrameSource>,
-    /// The exact pose at a stamp, where it is known.
     truth: Option<Truth>,
     skipped: usize,
-    /// What the inertial sensor measured and the wheels did beside frames that could not be read.
+    /// Samples of unreadable frames, to be passed with the next frame.
     inertial: Vec<ImuSample>,
     odometry: Vec<OdometrySample>,
 }
@@ -174,7 +173,7 @@ impl Images {
             match next {
                 None => return Err(PyStopIteration::new_err(())),
                 Some(Ok(image)) => return Ok(image),
-                // A damaged image is no reason to lose the rest.
+                // A damaged image does not end the recording.
                 Some(Err(e)) if e.recoverable => {
                     let text = CString::new(format!("skipped: {e}").replace('\0', " "))?;
                     PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 1)?;
@@ -184,14 +183,14 @@ impl Images {
         }
     }
 
-    /// Damaged images that were left out so far.
+    /// Number of damaged images skipped.
     #[getter]
     fn skipped(&self, py: Python<'_>) -> PyResult<usize> {
         self.source.with(py, |reading| reading.skipped)
     }
 }
 
-/// A data set folder or a recording: its frames, its camera, its ground truth. Made by :func:`open`.
+/// A data set folder or a recording: frames, camera, ground truth. Made by :func:`open`.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Recording {
     input: Arc<Input>,
@@ -231,7 +230,7 @@ impl Recording {
             max_frames: most.transpose()?.map(|n| n as usize),
             keep_colour: color.map_or(Ok(true), |c| yes("color", c))?,
         };
-        // A start behind the last frame is told here, where it is said.
+        // Checks that `start` is not after the last frame.
         input.frames(&options).map_err(|e| value("start", e))?;
         Ok(Self {
             input: Arc::new(input),
@@ -256,32 +255,32 @@ impl Recording {
         Camera::of(self.input.camera())
     }
 
-    /// Whether the frames come with samples of an inertial sensor whose mount is known: then ``Slam(recording.camera, imu=True)`` takes them.
+    /// Whether the frames have samples of an inertial sensor with a known mount, as needed by ``Slam(recording.camera, imu=True)``.
     #[getter]
     fn has_imu(&self) -> bool {
         self.input.imu().is_some()
     }
 
-    /// Whether they come with odometry of a base on which it is known how the camera stands: then ``Slam(recording.camera, odometry=True)`` takes it.
+    /// Whether the frames have odometry of a base with a known mount of the camera, as needed by ``Slam(recording.camera, odometry=True)``.
     #[getter]
     fn has_odometry(&self) -> bool {
         self.input.odometry().is_some()
     }
 
-    /// What it is: the layout of a folder, the format of a file.
+    /// Layout of the folder or format of the file.
     #[getter]
     fn kind(&self) -> String {
         self.input.kind()
     }
 
-    /// What was guessed and why, and what looks wrong, one sentence each.
+    /// Guesses with their reasons, and warnings, one sentence each.
     #[getter]
     fn notes(&self) -> Vec<String> {
         let both = self.input.guesses().iter().chain(self.input.warnings());
         both.cloned().collect()
     }
 
-    /// The ground truth; None where there is none.
+    /// The ground truth, or None.
     #[getter]
     fn truth(&self) -> PyResult<Option<Trajectory>> {
         let truth = self.input.ground_truth();

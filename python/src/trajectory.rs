@@ -11,10 +11,10 @@ use stillpoint::datasets::{StampedPose, trajectory};
 use stillpoint::evaluation::TimedPose;
 use stillpoint::slam::TrajectoryEntry;
 
-/// Poses of an hour at a thousand a second, at most.
+/// Maximum number of poses: an hour at a thousand a second.
 const MOST: usize = 4_000_000;
 
-/// Poses world_from_camera over time, N of them. It never changes.
+/// N poses world_from_camera over time. Immutable.
 ///
 /// Args:
 ///     stamps: (N,) s, ascending.
@@ -29,7 +29,7 @@ const MOST: usize = 4_000_000;
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Trajectory {
     pub(crate) poses: Vec<StampedPose>,
-    /// Numbers of the frames, and how many matches agreed; empty where they are not known.
+    /// Frame numbers and inliers; empty if unknown.
     frames: Vec<(u32, u32)>,
 }
 
@@ -51,7 +51,7 @@ impl Trajectory {
         }
     }
 
-    /// As the judge takes them.
+    /// For the evaluation.
     pub(crate) fn timed(&self) -> Vec<TimedPose> {
         let one = |p: &StampedPose| TimedPose {
             stamp: p.stamp,
@@ -60,7 +60,7 @@ impl Trajectory {
         self.poses.iter().map(one).collect()
     }
 
-    /// Anything that a user may name a trajectory by: a [`Trajectory`], a file, or stamps and poses.
+    /// Accepts a [`Trajectory`], a file, or stamps and poses.
     pub(crate) fn from_any(name: &str, found: &Bound<'_, PyAny>) -> PyResult<Vec<TimedPose>> {
         if let Ok(path) = found.cast::<Self>() {
             return Ok(path.get().timed());
@@ -161,8 +161,8 @@ impl Trajectory {
     /// Reads a file in the TUM format: ``timestamp tx ty tz qx qy qz qw``.
     ///
     /// Raises:
-    ///     FileNotFoundError: there is no such file.
-    ///     ValueError: a line that is no pose; the message names it.
+    ///     FileNotFoundError: the file does not exist.
+    ///     ValueError: invalid line; the message names it.
     #[classmethod]
     fn from_file(_cls: &Bound<'_, PyType>, path: &Bound<'_, PyAny>) -> PyResult<Self> {
         Self::read("path", &arguments::path("path", path)?)
@@ -173,7 +173,7 @@ impl Trajectory {
         trajectory::format(&self.poses)
     }
 
-    /// Writes a file in the TUM format, as a whole or not at all.
+    /// Writes a file in the TUM format, atomically.
     fn save(&self, path: &Bound<'_, PyAny>) -> PyResult<()> {
         let path = arguments::path("path", path)?;
         trajectory::write(&path, &self.poses).map_err(|e| PyOSError::new_err(format!("path: {e}")))
@@ -209,13 +209,13 @@ impl Trajectory {
         arrays::table(py, self.poses.iter().map(turn))
     }
 
-    /// Numbers of the frames, (N,) uint32; empty where they are not known.
+    /// Frame numbers, (N,) uint32; empty if unknown.
     #[getter]
     fn frames<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         arrays::row(py, self.frames.iter().map(|f| f.0).collect())
     }
 
-    /// Landmark matches that agreed with each pose, (N,) uint32; empty where they are not known.
+    /// Inlier landmark matches of each pose, (N,) uint32; empty if unknown.
     #[getter]
     fn inliers<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         arrays::row(py, self.frames.iter().map(|f| f.1).collect())
@@ -231,7 +231,7 @@ impl Trajectory {
             .sum()
     }
 
-    /// Draws the path from above by matplotlib, beside the truth if it is given, and returns the axes.
+    /// Plots the path from above by matplotlib, optionally with the ground truth, and returns the axes.
     #[pyo3(signature = (truth=None, ax=None))]
     fn plot<'py>(
         this: &Bound<'py, Self>,

@@ -1,4 +1,4 @@
-"""Where recordings and other packages are found, and who did without."""
+"""Fixtures: recordings, cameras and images."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def data(name: str) -> Path:
-    """A recording: in the folder that STILLPOINT_DATA names, else in ../shared/data beside the repository. Skips the test where it is not there."""
+    """A recording in STILLPOINT_DATA, else in ../shared/data beside the repository. Skips the test if it is missing."""
     folder = Path(os.environ.get("STILLPOINT_DATA", ROOT.parent / "shared" / "data"))
     path = folder / name
     if not path.exists():

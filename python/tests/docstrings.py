@@ -1,4 +1,4 @@
-"""The examples in docstrings: ``python -m doctest -o ELLIPSIS docstrings.py``."""
+"""Examples in docstrings: ``python -m doctest -o ELLIPSIS docstrings.py``."""
 
 from __future__ import annotations
 

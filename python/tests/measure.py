@@ -1,4 +1,4 @@
-"""What the way through Python costs, and whether memory stays flat: python measure.py [--minutes N]. Ends with 1 where a bar is missed."""
+"""Measures the overhead of Python and memory growth: python measure.py [--minutes N]. Exit code 1 if a bound is missed."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ def told(name: str, value: float, bar: str, is_met: bool) -> None:
 
 
 def resident() -> float:
-    """Memory of this process, MB."""
+    """Resident memory, MB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * 4096 / 1e6
 
 
 def frames(count: int) -> tuple[sp.Camera, list[tuple[np.ndarray, np.ndarray]]]:
-    """Frames there and back again, so that they can go on for ever: colour and depth in 5000 per metre."""
+    """Frames forwards and backwards, for an endless cycle: colour, and depth in 5000 per metre."""
     room = sp.simulate("xyz", frames=count)
     images = [(np.array(i.color), np.rint(i.depth * 5000).astype(np.uint16)) for i in room]
     return room.camera, images + images[-2:0:-1]
 
 
 def unit() -> float:
-    """The unit of time: median ms of OpenCV's ORB with 1000 features, one thread, over simulated images; 4.9 where it is not installed."""
+    """The unit of time: median ms of OpenCV's ORB with 1000 features, one thread, over simulated images; 4.9 without OpenCV."""
     try:
         import cv2  # type: ignore[import-not-found,unused-ignore]
     except ImportError:
@@ -54,7 +54,7 @@ def unit() -> float:
 
 
 def overhead(camera: sp.Camera, images: list[tuple[np.ndarray, np.ndarray]]) -> None:
-    """A frame that came before is looked at no further, once everything was checked, copied and decoded: all that Python adds to the system's own step."""
+    """A repeated frame is refused after it was checked, copied and decoded: the overhead of Python relative to a step of the system."""
     slam = sp.Slam(camera)
     slam.track(1.0, *images[0])
     times = []
@@ -70,7 +70,7 @@ def overhead(camera: sp.Camera, images: list[tuple[np.ndarray, np.ndarray]]) -> 
 
 
 def second_thread(camera: sp.Camera, images: list[tuple[np.ndarray, np.ndarray]]) -> None:
-    """How fast a thread of Python counts while another one tracks, by how fast it does alone: rounds of half a second of either, in turn."""
+    """Speed of a counting Python thread while another one tracks, relative to counting alone: alternating rounds of half a second."""
     counted, stop = [0], threading.Event()
 
     def count() -> None:
@@ -100,7 +100,7 @@ def second_thread(camera: sp.Camera, images: list[tuple[np.ndarray, np.ndarray]]
 
 
 def dropped_objects(camera: sp.Camera, images: list[tuple[np.ndarray, np.ndarray]]) -> None:
-    """Memory over a thousand systems, masks and frames, each made, used and dropped."""
+    """Memory over a thousand systems, masks and frames, each created, used and dropped."""
     small = sp.Camera(64, 48, 55, 55, 31.5, 23.5)
     color, depth = np.ascontiguousarray(images[0][0][:48, :64]), np.ascontiguousarray(images[0][1][:48, :64])
 
@@ -124,7 +124,7 @@ def dropped_objects(camera: sp.Camera, images: list[tuple[np.ndarray, np.ndarray
 
 
 def ten_minutes(camera: sp.Camera, images: list[tuple[np.ndarray, np.ndarray]], minutes: float) -> None:
-    """Memory over so many minutes of frames at 30 Hz, as fast as they go: the second half against the end of the first. Every frame adds to the trajectory."""
+    """Memory over some minutes of frames at 30 Hz, faster than real time: the second half compared with the end of the first. Trajectories grow."""
     slam, levels, lost = sp.Slam(camera), [], 0
     count = int(minutes * 60 * 30)
     start = time.monotonic()

@@ -1,4 +1,4 @@
-"""What batches cost: ``python measure_batch.py [--quick]`` prints the tables of docs/batch.md. Let nothing else run meanwhile, or read the ratios alone."""
+"""Measures batches: ``python measure_batch.py [--quick]`` prints the tables of docs/batch.md. On a loaded machine only the ratios are valid."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import stillpoint_slam as sp
 
 
 def simulated(folder: Path, count: int, frames: int) -> list[Path]:
-    """Recordings of so many frames each. The first ones are simulated; what comes after is copies of these, which cost the same."""
+    """Recordings with `frames` frames each. The first 20 are simulated, the others are copies, which cost the same."""
     distinct = 20
     paths = [folder / f"r{i:04}" for i in range(count)]
 
@@ -48,7 +48,7 @@ def fresh(out: Path) -> Path:
 
 
 def in_turn(first: Callable[[], object], second: Callable[[], object], rounds: int) -> tuple[float, float]:
-    """Medians of both, measured one after the other, so that what else the machine does reaches both."""
+    """Medians of both, measured alternately, so that other load on the machine affects both."""
     pairs = [(seconds(first), seconds(second)) for _ in range(rounds)]
     return statistics.median(a for a, _ in pairs), statistics.median(b for _, b in pairs)
 
@@ -59,7 +59,7 @@ def batch(paths: list[Path], out: Path, workers: int) -> None:
 
 
 def work_of_children() -> float:
-    """Seconds that cores worked for processes that have ended: what others do on the machine changes little of it."""
+    """CPU time of finished child processes, s: other load on the machine hardly affects it."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 

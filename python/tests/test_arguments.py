@@ -1,4 +1,4 @@
-"""Arguments that cannot be used: an exception that names the argument, nothing else, and nothing has changed."""
+"""Invalid arguments raise an exception that names the argument, and change nothing."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ CASES = int(os.environ.get("STILLPOINT_CASES", "2000"))
 
 
 def structured() -> np.ndarray:
-    """A view into records: neither contiguous nor aligned."""
+    """A view of a field of records: neither contiguous nor aligned."""
     records = np.zeros((48, 64), dtype=[("flag", "u1"), ("z", "u2")])
     records["z"] = DEPTH
     return records["z"]
 
 
 class Broken:
-    """An object that lies about what it is."""
+    """An object whose attributes raise exceptions."""
 
     width = height = property(lambda self: 1 / 0)
 
@@ -59,7 +59,7 @@ JUNK: list[Any] = [
     Path("/no/such/file"), np.rec.array([(1, 2.0)], dtype=[("a", int), ("b", float)]),
 ]  # fmt: skip
 
-# What any of these could be, and arrays of any type and shape.
+# Any kind of value, and arrays of any type and shape.
 ANYTHING = st.one_of(
     st.sampled_from(JUNK),
     st.integers(),
@@ -74,7 +74,7 @@ ANYTHING = st.one_of(
 
 
 def usable(name: str, value: Any) -> bool:
-    """Whether a value that was drawn is one that can be used."""
+    """Whether a generated value is valid."""
     if value is None:
         return name in ("depth_stamp", "detections")
     if name in ("stamp", "depth_stamp"):
@@ -89,7 +89,7 @@ def usable(name: str, value: Any) -> bool:
 
 
 def refused(name: str, call: Callable[[], Any]) -> str:
-    """That a call is refused, and names the argument."""
+    """Asserts that a call is refused, and that its error names the argument."""
     with pytest.raises((ValueError, TypeError)) as caught:
         call()
     text = str(caught.value)
@@ -110,7 +110,7 @@ def test_truth_values_are_no_times() -> None:
 def test_whatever_is_handed_over_is_used_or_refused_by_name(name: str, value: Any, mask: bool) -> None:
     target = MASK if mask else SLAM
     method = target.step if mask else target.track
-    # Stamps that were used stay used: others are later than all of them.
+    # Stamps must ascend: this one is later than all others.
     arguments: dict[str, Any] = {"stamp": 1e10, "color": COLOR, "depth": DEPTH, name: value}
     if usable(name, value):
         return
@@ -189,7 +189,7 @@ def test_a_refused_frame_changes_nothing() -> None:
             slam.track(i.stamp, i.color, i.depth, depth_stamp=i.depth_stamp)
         slam.finish()
         texts.append(slam.trajectory().to_tum())
-    # A stamp that goes back twice in a row stands for a clock that was set back; once it does not.
+    # Stamps that go back twice in a row indicate a clock that was set back; once is an error.
     assert texts[0] == texts[1]
 
 
@@ -226,7 +226,7 @@ def test_detections_of_a_function_are_named() -> None:
     slam = sp.Slam(CAMERA, detector=fails)
     with pytest.raises(KeyError, match="mine"):
         slam.track(0.0, COLOR, DEPTH)
-    # The frame was not tracked: its stamp is still to come.
+    # The frame was not tracked, so its stamp is unused.
     slam = sp.Slam(CAMERA, detector=lambda image: None)
     refused("detector", lambda: slam.track(0.0, COLOR, DEPTH))
     text = refused("detections[1]", lambda: SLAM.track(0.0, COLOR, DEPTH, [(0, 0, 9, 9, 0.5, 0), (0, 0, 9, 9, 7, 0)]))

@@ -16,7 +16,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def simulated(folder: Path, frames: list[int]) -> list[Path]:
-    """Rooms of so many frames each, as recordings."""
+    """Recordings of rooms with the given numbers of frames."""
     paths = []
     for i, n in enumerate(frames):
         path = folder / f"room{i}"
@@ -27,7 +27,7 @@ def simulated(folder: Path, frames: list[int]) -> list[Path]:
 
 
 def serial(path: Path, out: Path, *options: object) -> bytes:
-    """The trajectory of the command line's own run."""
+    """The trajectory of a run by the command line."""
     command = ["run", path, "--detector", "none", "--no-report", "-q", "--out", out, *options]
     done = subprocess.run([sys.executable, "-m", "stillpoint_slam", *map(str, command)])
     assert done.returncode in (0, 1)
@@ -47,7 +47,7 @@ def test_a_batch_is_runs_and_is_done_once(tmp_path: Path, capfd: pytest.CaptureF
     again = sp.batch(tmp_path / "in" / "*", tmp_path / "out", **options, progress=False)
     assert again.skipped == 2 and list(again) == list(done)
     assert not capfd.readouterr().err
-    # The digest is of the library that holds the program, not of the interpreter that runs it.
+    # The digest is that of the library, not of the interpreter.
     assert done[0]["program_sha256"] == hashlib.sha256(Path(sp._native.__file__).read_bytes()).hexdigest()
 
 
@@ -87,7 +87,7 @@ def test_the_table_is_read_by_arrow(tmp_path: Path) -> None:
 
 
 def example(name: str, *arguments: object) -> None:
-    """Runs an example as a program in this process's environment."""
+    """Runs an example with this interpreter."""
     done = subprocess.run([sys.executable, str(EXAMPLES / name), *map(str, arguments)], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
 

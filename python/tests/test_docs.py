@@ -1,4 +1,4 @@
-"""Docstrings: their examples, and that everything public has one and a type."""
+"""Docstrings: their examples work, and every public item has one and a stub."""
 
 from __future__ import annotations
 

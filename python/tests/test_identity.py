@@ -1,4 +1,4 @@
-"""The same trajectories as the command line's, to the byte; the same verdicts as with the command line's script."""
+"""Trajectories and verdicts are identical to those of the command line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import stillpoint_slam as sp
 
 
 def command_line(*arguments: object) -> None:
-    """The command line: that of the wheel, or the program that STILLPOINT_CLI names."""
+    """Runs the wheel's command line, or the program STILLPOINT_CLI."""
     program = os.environ.get("STILLPOINT_CLI")
     command = [program] if program else [sys.executable, "-m", "stillpoint_slam"]
     done = subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True)
@@ -100,7 +100,7 @@ def test_boxes_from_python_give_the_verdicts_of_a_script(way: str, tmp_path: Pat
     assert np.allclose([f[1:3] for f in found], [s[1:3] for s in said], atol=0.01)
     assert any("object" in f[4] for f in found)
     assert slam.trajectory().to_tum() == (tmp_path / "out" / "trajectory.txt").read_text()
-    # Control: without the boxes the verdicts are others.
+    # Control: without the boxes the verdicts differ.
     plain = sp.Slam(recording.camera)
     without = []
     for i in recording:

@@ -61,7 +61,7 @@ def test_runs_are_scored_and_saved(room: sp.Simulation, images: list[sp.RgbdFram
     for value in (result, result.trajectory, result.score, result.slam, result.slam.map, result.slam.map.keyframes):
         assert value._repr_html_().startswith("<table")
     assert "None" not in result._repr_html_()
-    # Without a terminal there is no progress, and nothing else is said.
+    # Without a terminal there is no output.
     assert capfd.readouterr() == ("", "")
     with pytest.raises(FileNotFoundError):
         sp.run(tmp_path / "nothing")
@@ -86,12 +86,12 @@ def test_a_run_leaves_the_report_of_the_command_line(room: sp.Simulation, images
     ours, theirs = data("out"), data("line")
     for part in ("image", "map", "surface", "keyframes", "marks", "objects", "pictures"):
         assert ours[part] == theirs[part], part
-    # All of a frame but how long it took.
+    # All figures of frames except times.
     assert {k: v for k, v in ours["frames"].items() if k != "time_ms"} == {k: v for k, v in theirs["frames"].items() if k != "time_ms"}
     assert len(ours["pictures"]["webp"]) == 12 and ours["frames"]["time_ms"]
     assert ours["command"] == f"stillpoint_slam.run({str(tmp_path / 'room')!r}, dense=True)"
     assert ours["summary"]["frames"] == 12 and ours["summary"]["accuracy"] == theirs["summary"]["accuracy"]
-    # Of a live run as well, with pictures of all frames where nobody is short of time.
+    # Likewise for a live run, which may skip pictures when busy.
     sp.run(tmp_path / "room", out=tmp_path / "out", live=True)
     assert len(data("out")["pictures"]["webp"]) > 0 and not (tmp_path / "out" / "mesh.ply").exists()
     sp.run(room, out=tmp_path / "none", report=False)
@@ -185,7 +185,7 @@ def test_ctrl_c_ends_a_wait_for_events(room: sp.Simulation) -> None:
     program = (
         "import signal\n"
         "import stillpoint_slam as sp\n"
-        # Who runs tests in the background may have the signal ignored.
+        # The signal may be ignored if the tests run in the background.
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "slam = sp.Slam(sp.Camera(64, 48, 55, 55, 31.5, 23.5), live=True)\n"
         "print('waits', flush=True)\n"
@@ -213,7 +213,7 @@ def test_cameras_of_other_libraries() -> None:
     for change in ({"D": [0.1] * 8, "distortion_model": "rational_polynomial"}, {"D": [0.1, 0.1, 0, 0], "distortion_model": "equidistant"}):
         with pytest.raises(ValueError, match="camera"):
             sp.Camera.from_info({**info, **change})
-    # REP 104: what was read out of the sensor; K left out; figures that no camera has.
+    # REP 104: binning and region of interest; K missing; impossible values.
     roi = {"x_offset": 80, "y_offset": 40, "width": 480, "height": 360}
     part = sp.Camera.from_info({**info, "binning_x": 2, "binning_y": 2, "roi": roi})
     assert (part.width, part.height) == (240, 180) and np.allclose(part.k[0], [262.5, 0, 119.75])

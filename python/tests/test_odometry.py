@@ -1,4 +1,4 @@
-"""Wheel odometry beside the images, and poses that are known beforehand."""
+"""Wheel odometry and pose priors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import stillpoint_slam as sp
 
-# How the simulator's camera stands on its base: it looks ahead, 0.2 m before the axle and 0.5 m above it.
+# Mount of the simulator's camera on its base: looking ahead, 0.2 m before the axle and 0.5 m above it.
 MOUNT = np.array([[0.0, 0, 1, 0.2], [-1, 0, 0, 0], [0, -1, 0, 0.5], [0, 0, 0, 1]])
 
 
@@ -27,7 +27,7 @@ def test_odometry_is_used_and_reported() -> None:
     assert known["samples"] > 60 and known["slips"] == 0
     poses = slam.trajectory().poses
     assert np.array_equal(sp.run(room, progress=False).trajectory.poses, poses)
-    # A mount by its matrix, and samples without columns for deviations, are the same.
+    # A mount as a matrix, and samples without deviations, give the same poses.
     for mount in (MOUNT, {"base_from_camera": MOUNT.tolist(), "slip_per_metre": 0.02}):
         with sp.Slam(room.camera, odometry=mount) as slam:
             for image in room:
@@ -72,7 +72,7 @@ def test_another_mount_is_ignored() -> None:
 
 
 def off(room: sp.Simulation, poses: list[np.ndarray | None]) -> float:
-    """By how much the last pose is off relative to the first, m; infinite where it has none."""
+    """Error of the last pose relative to the first, m; infinite without a pose."""
     truth = [np.asarray(p) for p in room.truth.poses]
     if poses[0] is None or poses[-1] is None:
         return float("inf")
@@ -82,7 +82,7 @@ def off(room: sp.Simulation, poses: list[np.ndarray | None]) -> float:
 
 def test_poses_of_ones_own_carry_the_camera_over_a_blocked_view() -> None:
     room = sp.simulate("blocked_walk", frames=140, rate=20.0)
-    # A frame of reference that nobody else has: z up, and far away.
+    # A different frame of reference: z up, and far away.
     own = np.array([[0.0, 0, 1, 7], [-1, 0, 0, -3], [0, -1, 0, 2], [0, 0, 0, 1]])
     covariance = np.diag([1e-6] * 3 + [1e-7] * 3)
     runs: dict[str, tuple[float, list[str]]] = {}

@@ -1,4 +1,4 @@
-"""``stillpoint_slam.ray`` on a real local cluster of two nodes, and an S3 server on loopback: the bytes of serial runs, whatever dies meanwhile."""
+"""``stillpoint_slam.ray`` on a local cluster of two nodes with an S3 server: results equal those of serial runs, even if workers die."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ ray = pytest.importorskip("ray", reason="ray is not there")
 pytest.importorskip("pyarrow", reason="pyarrow is not there")
 cluster_utils = pytest.importorskip("ray.cluster_utils", reason="ray cannot make clusters here")
 
-#: Reserved for each worker, bytes.
+#: Memory reserved per worker, bytes.
 MEMORY = 1e9
-#: How many recordings, and frames of each.
+#: Number of recordings, and frames of each.
 RECORDINGS, FRAMES = 40, 8
 
 
@@ -49,7 +49,7 @@ def expected(rooms: list[Path], tmp_path_factory: pytest.TempPathFactory) -> dic
 
 @pytest.fixture
 def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[str, dict[str, Any]]]:
-    """A bucket of an S3 server on loopback, and how ``fsspec`` reaches it."""
+    """A bucket of a local S3 server, with options for ``fsspec``."""
     server = pytest.importorskip("moto.server", reason="moto is not there")
     s3fs = pytest.importorskip("s3fs", reason="s3fs is not there")
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
@@ -83,7 +83,7 @@ def test_a_cluster_gives_the_bytes_of_serial_runs(cluster: Any, rooms: list[Path
     rows = batch(rooms, tmp_path)
     check(rows, tmp_path, expected)
     assert list(rows[0]) == COLUMNS.names
-    # Done is done.
+    # Finished recordings are not repeated.
     times = [(tmp_path / row["name"] / "summary.json").stat().st_mtime_ns for row in rows]
     assert batch(rooms, tmp_path) == rows
     assert times == [(tmp_path / row["name"] / "summary.json").stat().st_mtime_ns for row in rows]
@@ -115,7 +115,7 @@ def test_a_server_gives_recordings_and_takes_results(
     fetched = Path("/tmp") / "stillpoint-fetched"
     assert not fetched.exists() or not list(fetched.iterdir())
     assert batch(paths, f"{url}/out", storage_options=options) == rows
-    # Larger than it may be, and not there at all.
+    # One too large, and one missing.
     rows = batch([paths[0], f"{url}/in/none"], tmp_path, storage_options=options, disk=1000.0)
     assert [row["outcome"] for row in rows] == ["failed"] * 2
     assert "fits into disk=1e+03" in rows[1]["error"] and "none" in rows[0]["error"]
@@ -139,13 +139,13 @@ def test_a_killed_worker_is_made_good(cluster: Any, rooms: list[Path], expected:
 
 def test_a_killed_node_is_made_good(cluster: Any, rooms: list[Path], expected: dict[str, bytes], tmp_path: Path) -> None:
     node = cluster.add_node(num_cpus=1, memory=4e9, object_store_memory=100e6)
-    # A worker on each of three nodes, so that one of them dies with its node.
+    # A worker on each of three nodes; removing a node kills its worker.
     rows = during(rooms, tmp_path, 3, lambda pid: cluster.remove_node(node, allow_graceful=False))
     check(rows, tmp_path, expected)
 
 
 def during(rooms: list[Path], out: Path, workers: int, kill: Any) -> list[dict[str, Any]]:
-    """A batch, in the middle of which ``kill`` is called with the process of one of its workers."""
+    """A batch during which ``kill`` is called with the process id of a worker."""
     with ThreadPoolExecutor(1) as pool:
         done = pool.submit(batch, rooms, out, workers=workers)
         end = time.monotonic() + 120

@@ -1,4 +1,4 @@
-"""SLAM frame by frame: what a frame says, what a map holds, files of maps, events, live runs."""
+"""SLAM frame by frame: frames, maps, map files, events, live runs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_frame_says_what_became_of_it(room: sp.Simulation, images: list[sp.Rgb
     assert v.pixels.shape == (len(v), 2) and v.dynamic.shape == v.risk.shape == (len(v),) and len(v.reasons) == len(v)
     assert last.mask.shape == (480, 640) and set(np.unique(last.mask)) <= {0, 255}
     assert np.array_equal(last.gray, images[-1].gray) and np.array_equal(last.depth, images[-1].depth)
-    # The truth of the simulator, seen from its first frame.
+    # The simulator's ground truth, relative to the first frame.
     truth = np.linalg.inv(images[0].truth) @ images[-1].truth
     off = np.linalg.inv(frames[0].pose) @ last.pose @ np.linalg.inv(truth)
     assert np.linalg.norm(off[:3, 3]) < 0.005
@@ -72,7 +72,7 @@ def test_grey_bgr_and_uint16_are_the_same_frames(room: sp.Simulation, images: li
     assert text(sp.Slam(room.camera), lambda i: i.gray, raw) == reference
     bgr = sp.Slam(room.camera, color_order="bgr")
     assert text(bgr, lambda i: i.color[..., ::-1], lambda i: metres(i).astype(np.float64)) == reference
-    # Control: the wrong order is another image.
+    # Control: the wrong order gives another result.
     assert text(sp.Slam(room.camera), lambda i: i.color[..., ::-1], metres) != reference
 
 
@@ -197,7 +197,7 @@ def test_live_runs_take_detections_and_refuse_late_frames(room: sp.Simulation, i
     with pytest.raises(ValueError, match="stamp"):
         slam.track(images[0].stamp, images[0].color, images[0].depth)
     assert slam.track(images[4].stamp, images[4].color, images[4].depth).is_tracked
-    # A run that nobody finishes ends with its object.
+    # Dropping an unfinished run ends it.
     del slam
 
 
@@ -212,7 +212,7 @@ def test_a_surface_is_fused_where_it_is_asked_for(room: sp.Simulation, images: l
         mesh = dense.mesh()
         assert mesh.vertices.shape == mesh.normals.shape == mesh.colors.shape and mesh.triangles.shape[1] == 3
         assert mesh.area > 0.5 and mesh.triangles.max() < len(mesh.vertices)
-        # At its borders the mesh goes on where the distance is not 0.
+        # At its borders the mesh extends to where the distance is not 0.
         near = np.abs(dense.distance(mesh.vertices))
         assert np.nanmedian(near) < 0.001 and np.nanmax(near) < 0.16
         assert np.isnan(dense.distance([[50.0, 50.0, 50.0]]))[0]
@@ -293,7 +293,7 @@ def test_an_inertial_sensor_is_used_and_reported() -> None:
     assert known is not None and known["state"] in ("confirmed", "unconfirmed") and known["reason"] is None
     assert known["gyro_bias"].shape == (3,) and known["rotation"].shape == (4,)
     assert abs(known["time_offset"]) < 0.02
-    # A mount by its matrix is the same as the camera's own.
+    # A mount as a matrix equals the camera's own.
     texts = [slam.trajectory().to_tum()]
     assert sp.run(room, progress=False).trajectory.to_tum() == texts[0]
     with sp.Slam(room.camera, imu=np.eye(4)) as slam:

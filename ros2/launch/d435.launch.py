@@ -1,4 +1,4 @@
-"""An Intel RealSense D435 and the node.
+"""Starts an Intel RealSense D435 and the node.
 
 ros2 launch stillpoint_ros2 d435.launch.py
 """

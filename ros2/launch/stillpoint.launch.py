@@ -1,4 +1,4 @@
-"""Starts the node beside a camera.
+"""Starts the node for a running camera.
 
 ros2 launch stillpoint_ros2 stillpoint.launch.py
 ros2 launch stillpoint_ros2 stillpoint.launch.py color:=/front/color/image_raw depth:=/front/aligned_depth_to_color/image_raw namespace:=robot1

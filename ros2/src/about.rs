@@ -1,4 +1,4 @@
-//! What the log of a run says of it.
+//! The description of a run in its log.
 
 use crate::parameters::to_table;
 use crate::run::Plan;
@@ -6,7 +6,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 use stillpoint::slam::{Config, MapUse};
 
-/// What a replay has to know of a run; the command line reads it.
+/// Facts that a replay needs; the command line reads them.
 #[derive(Serialize)]
 struct About {
     stillpoint: &'static str,
@@ -30,7 +30,6 @@ struct About {
     config: toml::Table,
 }
 
-/// The description of a run, as TOML.
 pub(crate) fn about(plan: &Plan<'_>, config: &Config) -> Result<String, String> {
     let [color_topic, depth_topic] = plan.topics.map(str::to_owned);
     let file = |wanted: MapUse| {

@@ -1,58 +1,59 @@
-//! What is typed: `stillpoint-ros2 --ros-args -r from:=to -p name:=value --params-file FILE -r __ns:=/robot1`.
+//! Command line arguments: `stillpoint-ros2 --ros-args -r from:=to -p name:=value --params-file FILE -r __ns:=/robot1`.
 //!
-//! As rcl reads it (design.ros2.org, "ROS Command Line Arguments"). Everything that is set is a parameter, so there are no options beside `--help`, `--version` and `--types`.
+//! Parsed as by rcl (design.ros2.org, "ROS Command Line Arguments"). All settings are parameters, so the only options are `--help`,
+//! `--version` and `--types`.
 
 use crate::names::{self, NodeName, Remap};
 use crate::value::Value;
 use std::path::PathBuf;
 
-/// What was asked for.
+/// Parsed arguments.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Arguments {
-    /// To run.
+    /// Run the node.
     Run(Box<Request>),
-    /// To say what can be set.
+    /// Print the parameters.
     Help,
-    /// To say which version this is.
+    /// Print the version.
     Version,
-    /// To list the types that are spoken, with their hashes.
+    /// List the message types and their hashes.
     Types,
 }
 
-/// How to run.
+/// How to run the node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Request {
-    /// The node.
+    /// Name of the node.
     pub node: NodeName,
-    /// What is renamed, in the order of the arguments.
+    /// Remapping rules, in the order of the arguments.
     pub remaps: Vec<Remap>,
-    /// What sets parameters, in the order of the arguments; later ones win.
+    /// Sources of parameters, in the order of the arguments; later ones override earlier ones.
     pub parameters: Vec<Setting>,
-    /// The least urgent of what is said on standard error.
+    /// Minimum level of messages on standard error.
     pub log_level: Level,
 }
 
 /// A source of parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Setting {
-    /// `-p name:=value`, for this node or for all.
+    /// `-p name:=value`, for one node or for all.
     One(Option<String>, String, Value),
     /// `--params-file FILE`.
     File(PathBuf),
 }
 
-/// How urgent something is, as `rcl_interfaces/msg/Log` counts.
+/// Log levels of `rcl_interfaces/msg/Log`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// For finding faults.
+    /// For debugging.
     Debug = 10,
-    /// For the user.
+    /// Information.
     Info = 20,
-    /// Something is amiss.
+    /// Warning.
     Warn = 30,
-    /// Something does not work.
+    /// Error.
     Error = 40,
-    /// Nothing works.
+    /// Fatal error.
     Fatal = 50,
 }
 
@@ -69,13 +70,13 @@ impl Level {
     }
 }
 
-/// Name of the node, unless it is given another.
+/// Default name of the node.
 pub const NODE: &str = "stillpoint";
 
-/// Reads the arguments after the program's name.
+/// Parses the arguments after the program's name.
 ///
 /// # Errors
-/// What was expected, what was found, and what to do.
+/// Invalid arguments, with advice.
 pub fn read(arguments: impl IntoIterator<Item = String>) -> Result<Arguments, String> {
     let mut reading = Reading {
         request: Request {
@@ -138,7 +139,7 @@ impl Reading {
             }
             "--log-level" => {
                 let text = value()?;
-                // `name:=level` is for one logger, of which there is one here.
+                // `name:=level` sets the level of one logger, and the node has only one.
                 let word = text.rsplit_once(":=").map_or(text.as_str(), |(_, l)| l);
                 self.request.log_level = Level::of(word).ok_or_else(|| {
                     format!(
@@ -150,7 +151,7 @@ impl Reading {
                 value()?;
             }
             _ if word.starts_with("--enable-") || word.starts_with("--disable-") => {}
-            // What older launch files write.
+            // Syntax of older launch files.
             _ if word.contains(":=") => {
                 let (node, from, to) = rule(word, word)?;
                 self.request.remaps.push(Remap { node, from, to });

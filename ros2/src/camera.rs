@@ -1,4 +1,4 @@
-//! The camera as topics say it: which frames of reference, which calibrations, and what is still missing before images can become frames.
+//! The camera's frames of reference and calibrations, from topics.
 
 use crate::options::Options;
 use crate::{inertial, odometry};
@@ -11,10 +11,10 @@ use stillpoint::recordings::{
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::Format;
 
-/// How long it is waited for what would let depth be registered, before it is taken as it is or refused.
+/// Maximum wait for depth registration or sensor mounts; then depth is used as it is or refused.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Messages of `/tf_static` that are kept for recordings at most.
+/// Maximum number of messages of `/tf_static` stored for recordings.
 const MOST_CONSTANTS: usize = 1000;
 
 /// Names of the topics of a camera.
@@ -24,61 +24,60 @@ pub struct CameraTopics {
     pub colour: String,
     /// Depth images.
     pub depth: String,
-    /// Their camera infos.
+    /// Camera infos of colour images.
     pub colour_info: String,
-    /// Theirs.
+    /// Camera infos of depth images.
     pub depth_info: String,
     /// Whether colour images are `CompressedImage`.
     pub colour_compressed: bool,
-    /// Whether depth images are.
+    /// Whether depth images are `CompressedImage`.
     pub depth_compressed: bool,
 }
 
-/// What is known of a camera.
+/// State of a camera.
 pub struct CameraState {
     topics: CameraTopics,
     colour_info: Option<Vec<u8>>,
     depth_info: Option<Vec<u8>>,
     transforms: Transforms,
-    /// Messages of `/tf_static` so far, of those that said something new.
+    /// Messages of `/tf_static` with new content.
     constants: Vec<Vec<u8>>,
-    /// Parents of frames.
     parents: BTreeMap<String, String>,
-    /// The frame of reference of the inertial sensor, once it has said something.
+    /// The frame of reference of the inertial sensor, after its first message.
     imu_frame: Option<String>,
-    /// The frames of reference of the odometry and of its base, once it has said something.
+    /// The frames of reference of the odometry and of its base, after its first message.
     odometry_frames: Option<[String; 2]>,
-    /// When the first pair came that could not become a frame.
+    /// Arrival of the first pair that could not be converted.
     waiting: Option<Instant>,
 }
 
-/// A camera whose images can become frames.
+/// A camera whose images can be converted to frames.
 pub struct Ready {
-    /// What makes them.
+    /// Converts them.
     pub incoming: Incoming,
     /// The frame of reference of colour images.
     pub optical: String,
-    /// The inertial sensor, where there is one and it is known how it stands to the camera.
+    /// The inertial sensor, if there is one with a known mount.
     pub imu: Option<ImuModel>,
-    /// Why there is none although it is asked for.
+    /// Reason for a missing inertial sensor that was requested.
     pub without_imu: Option<String>,
-    /// The same of the odometry of the base that carries the camera.
+    /// The odometry of the camera's base, if its mount is known.
     pub wheels: Option<OdometryModel>,
-    /// Why there is none although it is asked for.
+    /// Reason for missing odometry that was requested.
     pub without_wheels: Option<String>,
 }
 
-/// Why they cannot yet.
+/// Why images cannot be converted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NotReady {
-    /// Something has not come yet.
+    /// Messages are still missing.
     Waiting(String),
-    /// What came cannot be worked with.
+    /// The messages are unusable.
     Refused(String),
 }
 
 impl CameraState {
-    /// Before anything came.
+    /// Without any messages.
     #[must_use]
     pub fn new(topics: CameraTopics) -> Self {
         Self {
@@ -94,14 +93,14 @@ impl CameraState {
         }
     }
 
-    /// Takes a camera info; says whether it differs from the one before in what it says of the camera.
+    /// Processes a camera info; returns whether the calibration changed.
     ///
     /// # Errors
-    /// What does not read.
+    /// Unreadable messages.
     pub fn take_info(&mut self, is_depth: bool, bytes: Vec<u8>) -> Result<bool, String> {
         let info: ros::CameraInfo<'_> = ros::from_bytes(&bytes, Format::CdrLittleEndian)
             .map_err(|e| format!("camera info: {e}"))?;
-        // A driver that is not ready fills in zeros.
+        // Drivers that are not ready send zeros.
         if !is_calibrated(&info) {
             return Ok(false);
         }
@@ -123,10 +122,10 @@ impl CameraState {
         Ok(differs)
     }
 
-    /// Takes transforms that do not change.
+    /// Processes constant transforms.
     ///
     /// # Errors
-    /// What does not read.
+    /// Unreadable messages.
     pub fn take_transforms(&mut self, bytes: &[u8]) -> Result<(), String> {
         let message: ros::TfMessage<'_> = ros::from_bytes(bytes, Format::CdrLittleEndian)
             .map_err(|e| format!("/tf_static: {e}"))?;
@@ -146,23 +145,23 @@ impl CameraState {
         Ok(())
     }
 
-    /// Messages of `/tf_static` so far.
+    /// Stored messages of `/tf_static`.
     #[must_use]
     pub fn constants(&self) -> &[Vec<u8>] {
         &self.constants
     }
 
-    /// Whether anything is known of transforms.
+    /// Whether any transform is known.
     #[must_use]
     pub fn has_transforms(&self) -> bool {
         !self.parents.is_empty()
     }
 
-    /// The frame that has no parent, above a frame.
+    /// The root of a frame's tree.
     #[must_use]
     pub fn root_of(&self, frame: &str) -> String {
         let mut at = frame;
-        // A tree that bites its tail has no root.
+        // Bounds the search in cyclic trees.
         for _ in 0..=self.parents.len() {
             match self.parents.get(at) {
                 Some(parent) => at = parent,
@@ -172,7 +171,7 @@ impl CameraState {
         at.to_owned()
     }
 
-    /// The messages of camera infos as they came, with the topics of their images.
+    /// The camera info messages, with the topics of their images.
     pub fn infos(&self) -> impl Iterator<Item = (&str, &[u8])> {
         let colour = self.colour_info.as_deref();
         let depth = self.depth_info.as_deref();
@@ -182,10 +181,10 @@ impl CameraState {
             .chain(depth.map(|bytes| (self.topics.depth.as_str(), bytes)))
     }
 
-    /// What makes frames of images such as these.
+    /// The converter of such images to frames.
     ///
     /// # Errors
-    /// What is missing, or cannot be worked with.
+    /// Missing or unusable messages.
     pub fn ready(
         &mut self,
         colour: &ImageMessage<'_>,
@@ -251,14 +250,14 @@ impl CameraState {
         })
     }
 
-    /// The inertial sensor has said something, in this frame of reference.
+    /// Notes the frame of reference of the inertial sensor.
     pub fn note_inertial(&mut self, frame: &str) {
         if self.imu_frame.as_deref() != Some(frame) {
             self.imu_frame = Some(frame.to_owned());
         }
     }
 
-    /// The inertial sensor, or what is missing for it.
+    /// The inertial sensor, or a message about a missing transform.
     fn imu(&self, optical: &str) -> Result<ImuModel, String> {
         let what = "what tells where the inertial sensor stands to the camera";
         let Some(frame) = &self.imu_frame else {
@@ -268,14 +267,14 @@ impl CameraState {
         model.ok_or_else(|| format!("{what}: no {frame} -> {optical} on /tf_static"))
     }
 
-    /// The odometry has said something, of a base in this frame and of this one.
+    /// Notes the frames of reference of the odometry and of its base.
     pub fn note_odometry(&mut self, frames: &[String; 2]) {
         if self.odometry_frames.as_ref() != Some(frames) {
             self.odometry_frames = Some(frames.clone());
         }
     }
 
-    /// The odometry, or what is missing for it.
+    /// The odometry, or a message about a missing transform.
     fn wheels(&self, optical: &str) -> Result<OdometryModel, String> {
         let what = "what tells where the camera stands on the base of the odometry";
         let Some(frames) = &self.odometry_frames else {
@@ -285,7 +284,7 @@ impl CameraState {
         model.ok_or_else(|| format!("{what}: no {optical} -> {} on /tf_static", frames[1]))
     }
 
-    /// `base_from_optical`, if a chain of transforms says so.
+    /// `base_from_optical`, if connected by transforms.
     #[must_use]
     pub fn base_from_optical(&self, base: &str, optical: &str) -> Option<Se3> {
         self.transforms.find(base, optical)

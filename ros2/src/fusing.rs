@@ -1,4 +1,4 @@
-//! Surface and floor plan while a run goes on.
+//! Surface and floor plan during a run.
 
 use crate::options::Options;
 use crate::outlet::Decided;
@@ -11,7 +11,7 @@ use stillpoint::imaging::Simd;
 use stillpoint::ros_events::{Mount, Outgoing, Publisher};
 use stillpoint::slam::{Event, Subscriber};
 
-/// Fuses the frames of a run, and publishes what there is from time to time.
+/// Fuses the frames of a run, and publishes the result periodically.
 pub struct Fusing {
     dense: Dense,
     publisher: Publisher,
@@ -21,15 +21,15 @@ pub struct Fusing {
     recorder: Option<Recorder>,
     period: f64,
     spacing: f64,
-    /// Stamp of what was published last, s.
+    /// Stamp of the last publication, s.
     last: Option<f64>,
 }
 
 impl Fusing {
-    /// Of a run of a camera that begins with a map of so many ids of keyframes.
+    /// For a run of a camera; `ids` is the number of keyframe ids used by the loaded map.
     ///
     /// # Errors
-    /// A distance of voxels that cannot be.
+    /// Invalid voxel size.
     pub fn new(
         publisher: Publisher,
         (decided, outputs): (&Decided, &Arc<Outputs>),
@@ -90,7 +90,7 @@ impl Fusing {
         }
     }
 
-    /// Publishes what there is in the end.
+    /// Publishes the final result.
     pub fn finish(mut self) {
         self.begin();
         if self.last.is_some() {

@@ -1,4 +1,4 @@
-//! The inertial sensor beside the camera: its messages, and where it stands.
+//! The inertial sensor: its messages, and its mount.
 
 use stillpoint::geometry::{ImuModel, Se3};
 use stillpoint::imaging::ImuSample;
@@ -6,25 +6,25 @@ use stillpoint::recordings::{Transforms, stamp_seconds};
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::{Format, WireError};
 
-/// The topic of the sensor, before it is renamed.
+/// The sensor's topic, before remapping.
 pub const IMU: &str = "camera/imu";
 
 /// A message of the sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
-    /// What it measured.
+    /// The measurement.
     pub sample: ImuSample,
-    /// When, as the message has it.
+    /// Stamp of the message.
     pub stamp: ros::Time,
     /// The sensor's frame of reference.
     pub frame: String,
 }
 
 impl Measured {
-    /// Reads a message.
+    /// Parses a message.
     ///
     /// # Errors
-    /// What does not read, has no stamp, or holds what is no number.
+    /// Unreadable messages, missing stamps, values that are not finite.
     pub fn read(bytes: &[u8]) -> Result<Self, String> {
         let told = |e: WireError| format!("inertial sensor: {e}");
         let message: ros::Imu<'_> =
@@ -56,7 +56,7 @@ impl Measured {
     }
 }
 
-/// How a sensor stands to the camera, with the noise of a BMI055, if a chain of transforms says so.
+/// The sensor's mount, with the noise model of a BMI055, if transforms connect it to the camera.
 #[must_use]
 pub fn mounted(transforms: &Transforms, optical: &str, frame: &str) -> Option<ImuModel> {
     let camera_from_imu: Se3 = transforms.find(optical, frame)?;

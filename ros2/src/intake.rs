@@ -1,4 +1,4 @@
-//! What comes in: images in pairs, camera infos, transforms that do not change, odometry.
+//! Input: pairs of images, camera infos, constant transforms, odometry.
 
 use crate::bus::{Bus, BusError, Quality, Reader};
 use crate::camera::{CameraState, CameraTopics};
@@ -14,15 +14,15 @@ use stillpoint::recordings::{ImageMessage, camera_info_topic, stamp_seconds};
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::Message;
 
-/// Names of topics, before they are renamed.
+/// Topic of colour images, before remapping.
 pub const COLOUR: &str = "camera/color/image_raw";
-/// Depth in the colour camera, as the drivers of RealSense name it.
+/// Topic of depth registered to the colour camera, as named by RealSense drivers.
 pub const DEPTH: &str = "camera/aligned_depth_to_color/image_raw";
 
-/// Images of each stream of which is known when they came: as many as may wait for a calibration, and some.
+/// Number of images per stream with known arrival times: more than may wait for a calibration.
 const WHOLE: usize = 32;
 
-/// Readers of everything.
+/// Readers of all topics.
 pub struct Intake {
     colour: Reader,
     depth: Reader,
@@ -33,33 +33,33 @@ pub struct Intake {
     inertial: Option<(String, Reader)>,
     topics: CameraTopics,
     pairing: Pairing<Vec<u8>>,
-    /// Of both streams.
+    /// States of both image streams.
     pub seen: [StreamState; 2],
     reliable: bool,
-    /// When the newest images of both streams were whole, by their stamps.
+    /// Arrival times of the newest images of both streams, by their stamps.
     whole: [VecDeque<(f64, Instant)>; 2],
 }
 
-/// What came of everything that is no image.
+/// New messages other than images.
 #[derive(Default)]
 pub struct News {
-    /// The calibration is another one than before.
+    /// Whether the calibration changed.
     pub other_camera: bool,
     /// Messages of `/tf_static`.
     pub transforms: Vec<Vec<u8>>,
-    /// Messages of odometry, with what is in them.
+    /// Messages of odometry, parsed and raw.
     pub odometry: Vec<(Rolled, Vec<u8>)>,
-    /// Messages of the inertial sensor, with what is in them.
+    /// Messages of the inertial sensor, parsed and raw.
     pub inertial: Vec<(Measured, Vec<u8>)>,
-    /// What did not read.
+    /// Errors of unreadable messages.
     pub broken: Vec<String>,
 }
 
-/// Names of the topics of images, and of what goes with them.
+/// Names of the topics of images and camera infos.
 #[must_use]
 pub fn topics(options: &Options, node: &NodeName, remaps: &[Remap]) -> CameraTopics {
     let base = [COLOUR, DEPTH].map(|name| resolve(name, node, remaps));
-    // What is beside an image may be renamed by itself.
+    // Camera infos can be remapped separately.
     let info = |default: &str, image: &str| {
         let renamed = resolve(default, node, remaps);
         let unchanged = resolve(default, node, &[]);
@@ -91,10 +91,10 @@ pub fn topics(options: &Options, node: &NodeName, remaps: &[Remap]) -> CameraTop
 }
 
 impl Intake {
-    /// Subscribes.
+    /// Creates the readers.
     ///
     /// # Errors
-    /// What the middleware says.
+    /// Failures of the middleware.
     pub fn subscribe(
         bus: &mut Bus,
         topics: &CameraTopics,
@@ -150,51 +150,51 @@ impl Intake {
         })
     }
 
-    /// Names of the topics.
+    /// Names of the camera's topics.
     #[must_use]
     pub fn topics(&self) -> &CameraTopics {
         &self.topics
     }
 
-    /// Name of the inertial sensor's topic, where it is used.
+    /// Name of the inertial sensor's topic, if used.
     #[must_use]
     pub fn inertial_topic(&self) -> Option<&str> {
         self.inertial.as_ref().map(|(name, _)| name.as_str())
     }
 
-    /// Name of the odometry's topic, where it is used.
+    /// Name of the odometry's topic, if used.
     #[must_use]
     pub fn odometry_topic(&self) -> Option<&str> {
         self.odometry.as_ref().map(|(name, _)| name.as_str())
     }
 
-    /// Publishers of colour, depth and constant transforms.
+    /// Numbers of publishers of colour, depth and constant transforms.
     #[must_use]
     pub fn publishers(&self) -> [usize; 3] {
         [&self.colour, &self.depth, &self.tf_static].map(Reader::publishers)
     }
 
-    /// Whether publishers of images offer less than is asked for.
+    /// Whether publishers of colour or depth offer incompatible quality of service.
     pub fn misfits(&self, bus: &mut Bus) -> [bool; 2] {
         [bus.take_misfit(&self.colour), bus.take_misfit(&self.depth)]
     }
 
-    /// Images that found no partner.
+    /// Numbers of colour and depth images without a partner.
     #[must_use]
     pub fn alone(&self) -> [u64; 2] {
         self.pairing.alone()
     }
 
-    /// Pairs images by another distance from now on, s.
+    /// Restarts pairing with a maximum time difference, s.
     pub fn begin_run(&mut self, max_dt: f64) {
         self.pairing = Pairing::new(max_dt);
     }
 
-    /// Takes everything that is no image.
+    /// Receives all messages other than images.
     pub fn take_news(&mut self, camera: &mut CameraState) -> News {
         let mut news = News::default();
         for (is_depth, reader) in [(false, &self.colour_info), (true, &self.depth_info)] {
-            // Infos repeat with every image, and the newest counts.
+            // Only the newest info counts, since they repeat with every image.
             let mut newest = None;
             while let Some(message) = reader.take() {
                 newest = Some(message.bytes);
@@ -239,7 +239,7 @@ impl Intake {
         news
     }
 
-    /// Takes images. What was wrong with them is told.
+    /// Receives images; appends errors to `told`.
     pub fn take_images(&mut self, told: &mut Vec<String>) {
         let readers = [
             (Stream::Colour, &self.colour, self.topics.colour_compressed),
@@ -265,12 +265,12 @@ impl Intake {
         }
     }
 
-    /// The next two images of a frame.
+    /// The next pair of images.
     pub fn next_pair(&mut self) -> Option<Pair<Vec<u8>>> {
         self.pairing.next_pair()
     }
 
-    /// How long both images of a pair are here.
+    /// Time since the arrival of both images of a pair.
     #[must_use]
     pub fn age(&self, pair: &Pair<Vec<u8>>) -> Duration {
         let of = |stream: usize, stamp: f64| {
@@ -280,7 +280,7 @@ impl Intake {
         of(0, pair.colour.0).min(of(1, pair.depth.0))
     }
 
-    /// The state of both streams, for code that waits. `losses` describes losses on the wire.
+    /// The state of both streams for [`crate::waiting`]. `losses` describes losses on the wire.
     #[must_use]
     pub fn state<'a>(&'a self, losses: Option<&'a str>) -> Seen<'a> {
         Seen {
@@ -307,7 +307,7 @@ fn name(stream: Stream) -> &'static str {
     }
 }
 
-/// When an image was taken, s; when it came where its camera does not say.
+/// Stamp of an image, s; the current time if the camera sets none.
 fn stamp_of(bytes: &[u8], compressed: bool) -> Result<f64, String> {
     let message = ImageMessage::read(bytes, compressed).map_err(|e| e.to_string())?;
     let stamp = message.header().stamp;

@@ -1,6 +1,6 @@
 //! Stillpoint as a node of ROS 2, without an installation of ROS.
 //!
-//! Answers: what is typed becomes parameters, images of topics become frames, events of the run become messages. What is computed is the business of the library.
+//! Converts arguments to parameters, images of topics to frames, and events of the run to messages. The algorithms are in the library.
 
 mod about;
 pub mod arguments;

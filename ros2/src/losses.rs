@@ -1,27 +1,27 @@
-//! Images that did not arrive whole: the numbers of those that did have gaps.
+//! Detection of incomplete images, by gaps in the sequence numbers.
 
 use crate::waiting::StreamState;
 use std::time::{Duration, Instant};
 
-/// Over how long images are counted.
+/// Duration of a counting window.
 const WINDOW: Duration = Duration::from_secs(5);
-/// How often it is said again.
+/// Interval of repeated warnings.
 const AGAIN: Duration = Duration::from_secs(10);
-/// Fewer than one in so many is not worth a word.
+/// Losses below one in this many images are ignored.
 const FEW: u64 = 50;
 
-/// Says when images are lost, and when no more are.
+/// Reports when images are lost, and when losses end.
 #[derive(Debug)]
 pub struct Losses {
     since: Instant,
-    /// Images of colour and depth that came, and that were lost, up to then.
+    /// Counts of received and lost colour and depth images at that time.
     came: [u64; 2],
     lost: [u64; 2],
     now: Option<(String, Instant)>,
 }
 
 impl Losses {
-    /// From now on.
+    /// Starts counting.
     #[must_use]
     pub fn new(now: Instant) -> Self {
         Self {
@@ -32,7 +32,7 @@ impl Losses {
         }
     }
 
-    /// Counts; gives what is to be said. `reliable`: whether lost packets are asked for again.
+    /// Counts losses; returns a message if one is due. `reliable`: whether lost packets are retransmitted.
     pub fn update(
         &mut self,
         now: Instant,
@@ -46,7 +46,7 @@ impl Losses {
         let came = [0, 1].map(|i| streams[i].count - self.came[i]);
         let lost = [0, 1].map(|i| streams[i].lost - self.lost[i]);
         if came == [0; 2] {
-            // Nobody sends, or nothing arrives at all: numbers tell with the next that does.
+            // Gaps become visible with the next image.
             return None;
         }
         self.since = now;
@@ -63,7 +63,7 @@ impl Losses {
         speak.then_some(told)
     }
 
-    /// What is lost, if anything is.
+    /// Description of current losses, if any.
     #[must_use]
     pub fn now(&self) -> Option<&str> {
         self.now.as_ref().map(|(told, _)| told.as_str())

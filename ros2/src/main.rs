@@ -35,7 +35,7 @@ fn main() -> ExitCode {
     };
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        // The first asks to finish; a second one ends at once.
+        // The first signal finishes the run; a second one exits immediately.
         let twice =
             signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop));
         let once = signal_hook::flag::register(signal, Arc::clone(&stop));

@@ -8,18 +8,18 @@ use stillpoint::geometry::Camera;
 use stillpoint::map::{Map, MapFile};
 use stillpoint::slam::{Config, SensorConfig, Timing};
 
-/// Bytes that a map file may have. It is read as a whole.
+/// Maximum size of a map file, which is read as a whole, bytes.
 const LARGEST: u64 = 8 << 30;
-/// By what share of the focal length cameras may differ and still be one: a second calibration differs by less.
+/// Maximum difference of calibrations of one camera, as a share of the focal length: recalibrations differ by less.
 const TOLERANCE: f64 = 0.02;
 
-/// Standard deviation of a readout that a map knows, at least, s.
+/// Minimum standard deviation of a loaded readout time, s.
 const LEAST_SIGMA: f64 = 0.001;
 
-/// Reads a map, and what it knows of its camera's readout and the standard deviation of that, s.
+/// Reads a map, and the readout time of its camera with its standard deviation, s.
 ///
 /// # Errors
-/// What was expected and found.
+/// Unreadable files.
 pub fn load(path: &Path) -> Result<(Map, Option<[f64; 2]>), String> {
     let refuse = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
     let unread = |e: std::io::Error| {
@@ -53,8 +53,7 @@ pub fn load(path: &Path) -> Result<(Map, Option<[f64; 2]>), String> {
     Ok((read.map, readout))
 }
 
-/// Has a run begin with what a map knows of its camera's readout, unless the configuration says anything else about it than the defaults do: as the command
-/// line does, so that a replay begins alike.
+/// Initialises the readout time from a map, unless the configuration sets it; as in the command line, for replays.
 pub fn start_with(config: &mut Config, known: Option<[f64; 2]>) {
     let (own, usual) = (&mut config.sensor, SensorConfig::default());
     let untouched = own.readout == usual.readout && own.readout_sigma == usual.readout_sigma;
@@ -63,10 +62,10 @@ pub fn start_with(config: &mut Config, known: Option<[f64; 2]>) {
     }
 }
 
-/// Writes a map; says what is in it.
+/// Writes a map; returns a summary.
 ///
 /// # Errors
-/// A map without keyframes, the system's reason.
+/// A map without keyframes, or a failure of the system.
 pub fn save(map: &Map, path: &Path) -> Result<String, String> {
     let view = map.view();
     if view.keyframe_count() == 0 {
@@ -87,10 +86,10 @@ pub fn save(map: &Map, path: &Path) -> Result<String, String> {
     ))
 }
 
-/// Whether a map is of this camera.
+/// Checks that a map is of this camera.
 ///
 /// # Errors
-/// What it is of.
+/// It is of another one.
 pub fn check_fits(map: &Map, camera: &Camera) -> Result<(), String> {
     for keyframe in map.view().keyframes() {
         let other = &keyframe.data.camera;

@@ -1,4 +1,4 @@
-//! Where the camera is on the robot, by what is known of transforms, and what is done where nothing is.
+//! The camera's mount on the robot, from transforms, and the fallback without any.
 
 use crate::camera::CameraState;
 use crate::options::{ALL, Options};
@@ -6,10 +6,10 @@ use crate::outlet::Mounting;
 use std::time::Duration;
 use stillpoint::ros_events::{FrameNames, Mount};
 
-/// The frame of the camera's body where nobody says how it is called.
+/// Default name of the frame of the camera's body.
 const BODY: &str = "camera_link";
 
-/// Decides, unless it is worth while to wait; says what is remarkable about it.
+/// Decides the mount, with an optional warning; `None` to wait longer for transforms.
 #[must_use]
 pub fn decide(
     camera: &CameraState,
@@ -37,7 +37,7 @@ pub fn decide(
     if patient && waited.as_secs_f64() < options.base_frame_timeout {
         return None;
     }
-    // A frame has one parent, so the camera's own tree is left as it is.
+    // A frame can have only one parent, so the root of the camera's tree is used.
     let root = camera.root_of(optical);
     let pose = camera.base_from_optical(&root, optical);
     let (mount, body) = match pose.filter(|_| root != optical) {
@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn without_a_chain_the_cameras_own_tree_is_left_as_it_is() {
         let own = camera(&[("camera_link", "frame"), ("frame", "eye")]);
-        // Somebody publishes, and may say more.
+        // While there is a publisher, more transforms may come.
         assert!(decide(&own, "eye", &options("base_link"), true, NONE).is_none());
         let (found, remark) = decide(&own, "eye", &options("base_link"), true, LONG).unwrap();
         assert_eq!(found.names.body, "camera_link");
@@ -127,7 +127,7 @@ mod tests {
             (found.names.body.as_str(), found.mount, remark),
             ("camera_link", None, None)
         );
-        // A base that was asked for is waited for.
+        // A configured base is waited for.
         assert!(decide(&none, "eye", &options("robot"), false, NONE).is_none());
         let (_, remark) = decide(&none, "eye", &options("robot"), false, LONG).unwrap();
         assert!(remark.unwrap().contains("robot"));

@@ -1,4 +1,4 @@
-//! Names of ROS 2: how they are written, what they are short for, and what they are called on the wire.
+//! Names of ROS 2: validation, expansion, remapping, and names on the wire.
 //!
 //! Rules: "Topic and Service name mapping to DDS" and "Static Remapping" of design.ros2.org.
 
@@ -23,10 +23,10 @@ fn join(namespace: &str, name: &str) -> String {
     format!("{}/{name}", namespace.trim_end_matches('/'))
 }
 
-/// What is wrong with a name, if anything: letters, digits and underscores in parts that begin with no digit.
+/// Validates a name: letters, digits and underscores in parts that do not begin with a digit.
 ///
 /// # Errors
-/// What was expected and what was found.
+/// Invalid names.
 pub fn check(name: &str) -> Result<(), String> {
     let body = name.strip_prefix("~/").unwrap_or(name);
     let body = body.strip_prefix('/').unwrap_or(body);
@@ -45,7 +45,7 @@ pub fn check(name: &str) -> Result<(), String> {
     ))
 }
 
-/// What a name is short for: `~/map` is in the node's own namespace, `map` in the namespace of the node, `/map` is as it is.
+/// Expands a name: `~/map` is in the node's own namespace, `map` in the namespace of the node, `/map` is absolute.
 #[must_use]
 pub fn expand(name: &str, node: &NodeName) -> String {
     if let Some(own) = name.strip_prefix("~/") {
@@ -60,15 +60,15 @@ pub fn expand(name: &str, node: &NodeName) -> String {
 /// A rule `from:=to` of `--ros-args -r`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Remap {
-    /// The node it is for; none for every node.
+    /// The node it applies to; `None` for every node.
     pub node: Option<String>,
-    /// What is renamed.
+    /// Original name.
     pub from: String,
-    /// What it is called instead.
+    /// New name.
     pub to: String,
 }
 
-/// The name under which a topic or service is offered, after the first rule that matches.
+/// The full name of a topic or service, after the first rule that matches.
 #[must_use]
 pub fn resolve(name: &str, node: &NodeName, rules: &[Remap]) -> String {
     let full = expand(name, node);
@@ -81,7 +81,7 @@ pub fn resolve(name: &str, node: &NodeName, rules: &[Remap]) -> String {
     hit.map_or(full, |rule| expand(&rule.to, node))
 }
 
-/// The topic of the wire: `/tf` is `rt/tf`.
+/// The topic on the wire: `/tf` is `rt/tf`.
 #[must_use]
 pub fn topic_on_wire(name: &str) -> String {
     format!("rt{name}")
@@ -93,7 +93,7 @@ pub fn service_on_wire(name: &str) -> [String; 2] {
     [format!("rq{name}Request"), format!("rr{name}Reply")]
 }
 
-/// A type of the wire: `sensor_msgs/msg/Image` is `sensor_msgs::msg::dds_::Image_`.
+/// A type on the wire: `sensor_msgs/msg/Image` is `sensor_msgs::msg::dds_::Image_`.
 #[must_use]
 pub fn type_on_wire(name: &str) -> String {
     match name.rsplit_once('/') {

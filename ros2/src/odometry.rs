@@ -1,4 +1,4 @@
-//! Wheel odometry of the robot: its messages, and where the camera stands on its base.
+//! Wheel odometry of the robot: its messages, and the camera's mount on the base.
 
 use crate::names::{NodeName, Remap, resolve};
 use crate::outputs::name_of;
@@ -9,25 +9,25 @@ use stillpoint::ros_events::Topic;
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::{Format, WireError};
 
-/// The topic of the odometry, before it is renamed.
+/// The topic of the odometry, before remapping.
 pub const ODOMETRY: &str = "wheel_odometry";
 
 /// A message of odometry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rolled {
-    /// Where the base was.
+    /// The measured pose of the base.
     pub sample: OdometrySample,
-    /// When, as the message has it.
+    /// Stamp of the message.
     pub stamp: ros::Time,
-    /// The frames in which the base is, and of the base.
+    /// The odometry's frame of reference, and the frame of the base.
     pub frames: [String; 2],
 }
 
 impl Rolled {
-    /// Reads a message.
+    /// Parses a message.
     ///
     /// # Errors
-    /// What does not read, has no stamp, or holds no pose.
+    /// Unreadable messages, missing stamps, invalid poses.
     pub fn read(bytes: &[u8]) -> Result<Self, String> {
         let told = |e: WireError| format!("odometry: {e}");
         let message: ros::Odometry<'_> =
@@ -60,7 +60,7 @@ impl Rolled {
 /// Name of the topic.
 ///
 /// # Errors
-/// It is the one on which this node publishes.
+/// It is one on which this node publishes.
 pub fn topic(node: &NodeName, remaps: &[Remap]) -> Result<String, String> {
     let name = resolve(ODOMETRY, node, remaps);
     if name == resolve(&name_of(Topic::Odometry), node, remaps) {
@@ -71,7 +71,8 @@ pub fn topic(node: &NodeName, remaps: &[Remap]) -> Result<String, String> {
     Ok(name)
 }
 
-/// Where the camera stands on a base, with the errors of an indoor robot, if a chain of transforms says so that does not lead through the frame in which the base moves.
+/// The camera's mount on a base, with the error model of an indoor robot, if transforms connect them without passing through the odometry's
+/// frame.
 #[must_use]
 pub fn mounted(
     transforms: &Transforms,

@@ -1,29 +1,29 @@
-//! What can be set of the node itself; what can be set of the system has the names of its configuration.
+//! Parameters of the node itself; parameters of the system have the names of its configuration.
 
 use crate::parameters::Parameters;
 use crate::value::Value;
 
-/// When a parameter that is set counts.
+/// When a changed parameter takes effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Counts {
-    /// At once.
+    /// Immediately.
     AtOnce,
-    /// From the next reset, loaded map or switch of modes on: whenever a run begins.
+    /// At the start of the next run: after a reset, a loaded map or a change of mode.
     NextRun,
-    /// Only when the node starts.
+    /// Only at the start of the node.
     AtStart,
 }
 
 /// A parameter of the node.
 #[derive(Clone, Copy, Debug)]
 pub struct Described {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// Its value when nobody says otherwise, as YAML.
+    /// Default value, as YAML.
     pub default: &'static str,
-    /// When it counts.
+    /// When changes take effect.
     pub counts: Counts,
-    /// What it means.
+    /// Description.
     pub text: &'static str,
 }
 
@@ -43,7 +43,7 @@ const fn described(
 
 use Counts::{AtOnce, AtStart, NextRun};
 
-/// All of them.
+/// All parameters of the node.
 pub const ALL: &[Described] = &[
     described(
         "map_frame",
@@ -193,10 +193,10 @@ pub const ALL: &[Described] = &[
     ),
 ];
 
-/// What is set, for a run.
+/// Values of the parameters for a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// See [`ALL`], also for what follows.
+    /// Frame of the map; for this and all others see [`ALL`].
     pub map_frame: String,
     /// Frame of the odometry.
     pub odom_frame: String,
@@ -206,51 +206,51 @@ pub struct Options {
     pub base_frame_timeout: f64,
     /// Whether transforms are published.
     pub publish_tf: bool,
-    /// Ending of the topic of colour images.
+    /// Transport of colour images.
     pub color_transport: String,
-    /// Ending of the topic of depth images.
+    /// Transport of depth images.
     pub depth_transport: String,
-    /// Whether lost images are asked for again.
+    /// Whether lost packets are retransmitted.
     pub reliable: bool,
     /// Whether wheel odometry is used.
     pub subscribe_odometry: bool,
     /// Whether the inertial sensor is used.
     pub subscribe_imu: bool,
-    /// s.
+    /// Maximum time difference of paired images, s.
     pub max_dt: f64,
-    /// Values per metre, if named.
+    /// Values per metre, if given.
     pub depth_scale: Option<f64>,
     /// Whether late frames are dropped.
     pub drop_late: bool,
-    /// The model's file.
+    /// File of the detector's model.
     pub model: Option<String>,
-    /// The map to begin with.
+    /// The initial map.
     pub load_map: Option<String>,
-    /// Whether maps that are loaded stay as they are.
+    /// Whether loaded maps stay unchanged.
     pub localize_only: bool,
-    /// The recording.
+    /// The recording's file.
     pub record: Option<String>,
-    /// Whether it has the images.
+    /// Whether images are recorded.
     pub record_images: bool,
-    /// The log.
+    /// The log's file.
     pub log: Option<String>,
     /// Whether pictures are drawn.
     pub pictures: bool,
     /// Whether surfaces are fused.
     pub dense: bool,
-    /// m.
+    /// Voxel size, m.
     pub dense_voxel: f64,
-    /// s.
+    /// Publication interval of surfaces, s.
     pub dense_period: f64,
-    /// m.
+    /// Spacing of published surface points, m.
     pub surface_spacing: f64,
 }
 
 impl Options {
-    /// Of parameters, checked.
+    /// Checks the parameters.
     ///
     /// # Errors
-    /// The first value that is none of those that are possible.
+    /// The first invalid value.
     pub fn new(of: &Parameters) -> Result<Self, String> {
         let text = |name: &str| match of.get(name) {
             Some(Value::Text(text)) => text.clone(),

@@ -1,4 +1,4 @@
-//! What a run finds, on its way out: events in, messages to topics and to the recording.
+//! Output of a run: converts events to messages, for topics and the recording.
 
 use crate::options::Options;
 use crate::outputs::Outputs;
@@ -8,23 +8,23 @@ use std::sync::{Arc, OnceLock};
 use stillpoint::ros_events::{FrameNames, Mount, Outgoing, Publisher, Topic};
 use stillpoint::slam::{Event, Subscriber};
 
-/// Events that wait for the place of the camera on the robot at most: three minutes of frames. What is older is not published.
+/// Maximum number of events queued until the camera's mount is decided: three minutes of frames. Older ones are not published.
 const BACKLOG: usize = 8192;
 
-/// Where the camera is on the robot, once that is decided: then the names of its frames are, too.
+/// The camera's mount on the robot, and the names of frames.
 #[derive(Clone, Debug)]
 pub struct Mounting {
-    /// As transforms say; none where the camera's own body is the base, and the transform from it is published here.
+    /// From transforms; `None` if the camera's body is the base, with its transform published by this node.
     pub mount: Option<Mount>,
     /// Names of the frames.
     pub names: FrameNames,
 }
 
-/// Shared by those who wait for it.
+/// Set once, and shared by all outputs.
 pub type Decided = Arc<OnceLock<Mounting>>;
 
 impl Mounting {
-    /// Has a publisher say it so.
+    /// Configures a publisher.
     #[must_use]
     pub fn apply(&self, publisher: Publisher) -> Publisher {
         let publisher = publisher.with_names(self.names.clone());
@@ -48,7 +48,7 @@ pub struct Outlet {
 }
 
 impl Outlet {
-    /// Of a run; `publisher` goes on where there was one before.
+    /// For a run; `publisher` may continue from an earlier run.
     #[must_use]
     pub fn new(
         publisher: Publisher,
@@ -69,7 +69,7 @@ impl Outlet {
         }
     }
 
-    /// Tells when odometry was sent.
+    /// Records when odometry is sent.
     #[must_use]
     pub fn timed(self, timing: Timing) -> Self {
         Self { timing, ..self }
@@ -89,7 +89,7 @@ impl Outlet {
         }
     }
 
-    /// Publishes what waited, as soon as it is decided how.
+    /// Publishes queued events as soon as the mount is decided.
     fn begin(&mut self) {
         let Some(mounting) = self.decided.get().filter(|_| !self.applied) else {
             return;
@@ -108,7 +108,7 @@ impl Outlet {
         }
     }
 
-    /// Publishes what is left, and gives the publisher back.
+    /// Publishes remaining messages, and returns the publisher.
     pub fn finish(mut self) -> Option<Publisher> {
         self.begin();
         let messages = self.publisher.as_mut().map(Publisher::finish);

@@ -5,13 +5,13 @@ use crate::names::{NodeName, Remap, resolve};
 use std::collections::BTreeMap;
 use stillpoint::ros_events::{Outgoing, Topic};
 
-/// Messages that wait for a reliable subscriber at most.
+/// Maximum number of messages queued for a reliable subscriber.
 const DEPTH: u16 = 30;
 
 /// A writer for each topic.
 pub struct Outputs(BTreeMap<Topic, Writer>);
 
-/// The name of a topic, before it is renamed: those of the node itself are in its own namespace.
+/// The name of a topic, before remapping: those of the node itself are in its own namespace.
 #[must_use]
 pub fn name_of(topic: Topic) -> String {
     match topic.name().strip_prefix("/stillpoint/") {
@@ -20,10 +20,9 @@ pub fn name_of(topic: Topic) -> String {
     }
 }
 
-/// How a topic is delivered.
 fn quality(topic: Topic) -> Quality {
     if topic == Topic::TfStatic {
-        // Several constant transforms may be sent one after the other, and each is to reach who comes later.
+        // Late subscribers should receive all of several constant transforms.
         return Quality {
             depth: 10,
             ..Quality::LATCHED
@@ -39,10 +38,10 @@ fn quality(topic: Topic) -> Quality {
 }
 
 impl Outputs {
-    /// Offers all topics.
+    /// Creates all writers.
     ///
     /// # Errors
-    /// What the middleware says.
+    /// Failures of the middleware.
     pub fn offer(bus: &mut Bus, node: &NodeName, remaps: &[Remap]) -> Result<Self, BusError> {
         let mut writers = BTreeMap::new();
         for topic in Topic::ALL {
@@ -53,7 +52,7 @@ impl Outputs {
         Ok(Self(writers))
     }
 
-    /// Sends a message. What is constant, or latched for who comes later, is sent whether or not somebody is there.
+    /// Sends a message; without subscribers, only if it is latched.
     pub fn send(&self, message: &Outgoing) {
         if let Some(writer) = self.0.get(&message.topic)
             && (message.topic.is_latched() || writer.subscribers() > 0)
@@ -62,7 +61,7 @@ impl Outputs {
         }
     }
 
-    /// Whether somebody is there for a topic.
+    /// Whether a topic has subscribers.
     #[must_use]
     pub fn has_subscribers(&self, topic: Topic) -> bool {
         self.0.get(&topic).is_some_and(|w| w.subscribers() > 0)

@@ -1,23 +1,23 @@
-//! Which colour and depth images belong together, by the stamps that the device gave them.
+//! Pairing of colour and depth images, by the device's stamps.
 //!
-//! A pair is given as soon as no image that may still come can be nearer: at once where stamps are equal or nearer than half the time between two frames, else with the
-//! next image. Streams may lose images, come late, or begin again with another clock.
+//! A pair is returned when no later image can be closer: at once if stamps are closer than half the frame interval, else with the next
+//! image. Streams may lose images, be late, or restart with another clock.
 
 use std::collections::VecDeque;
 
-/// Images that wait at most, per stream.
+/// Maximum number of waiting images per stream.
 const WAITING: usize = 10;
-/// Intervals that tell how often frames come.
+/// Intervals for estimating the frame interval.
 const INTERVALS: usize = 8;
-/// What lies so far behind the last pair did not come late: the clock was set back, s.
+/// An image this far behind the last pair was not late: the clock was set back, s.
 const SET_BACK: f64 = 0.5;
 
 /// One of the two streams.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stream {
-    /// Colour.
+    /// Colour images.
     Colour,
-    /// Depth.
+    /// Depth images.
     Depth,
 }
 
@@ -30,34 +30,33 @@ pub struct Pair<T> {
     pub depth: (f64, T),
 }
 
-/// What became of an image that was taken.
+/// Result of adding an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Taken {
     /// It waits for its partner, or has found it.
     Kept,
-    /// It came after a later one that is gone already.
+    /// It arrived after a later image that was already used.
     Late,
-    /// It begins a new time: what waited is gone.
+    /// The clock was set back: waiting images were dropped.
     SetBack,
 }
 
-/// Images that wait for their partners.
+/// Images waiting for their partners.
 #[derive(Debug)]
 pub struct Pairing<T> {
     max_dt: f64,
     colour: VecDeque<(f64, T)>,
     depth: VecDeque<(f64, T)>,
-    /// Times between colour images, s.
+    /// Of colour images, s.
     intervals: VecDeque<f64>,
     last_colour: Option<f64>,
-    /// Stamps of the last pair.
     last: Option<[f64; 2]>,
-    /// Images that found no partner.
+    /// Numbers of images without a partner.
     alone: [u64; 2],
 }
 
 impl<T> Pairing<T> {
-    /// For images that are at most so far apart, s.
+    /// `max_dt`: maximum time difference of a pair, s.
     #[must_use]
     pub fn new(max_dt: f64) -> Self {
         Self {
@@ -71,13 +70,13 @@ impl<T> Pairing<T> {
         }
     }
 
-    /// Colour and depth images so far that found no partner.
+    /// Numbers of colour and depth images without a partner.
     #[must_use]
     pub fn alone(&self) -> [u64; 2] {
         self.alone
     }
 
-    /// Takes an image with its stamp, s.
+    /// Adds an image with its stamp, s.
     pub fn take(&mut self, stream: Stream, stamp: f64, image: T) -> Taken {
         let mut taken = Taken::Kept;
         let newest = self.last.map(|[colour, depth]| match stream {
@@ -101,7 +100,7 @@ impl<T> Pairing<T> {
             Stream::Colour => (&mut self.colour, &mut self.alone[0]),
             Stream::Depth => (&mut self.depth, &mut self.alone[1]),
         };
-        // Datagrams may overtake each other.
+        // Datagrams may arrive out of order.
         let at = queue.partition_point(|(s, _)| *s < stamp);
         if queue.get(at).is_some_and(|(s, _)| *s == stamp) {
             return taken;
@@ -126,15 +125,15 @@ impl<T> Pairing<T> {
         self.last_colour = Some(stamp);
     }
 
-    /// What is nearer than this (s) has no nearer one to come; zero before it is known how often frames come. A little more than half the usual time between two frames, as stamps
-    /// jitter, and who waits for the next image is late by a frame.
+    /// No later image can be closer than this, s; zero while the frame interval is unknown. Slightly above half the median interval, since
+    /// stamps jitter, and waiting delays by a frame.
     fn near(&self) -> f64 {
         let mut sorted: Vec<f64> = self.intervals.iter().copied().collect();
         sorted.sort_by(f64::total_cmp);
         0.55 * sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
     }
 
-    /// Forgets what waits: the camera begins again.
+    /// Drops waiting images: the camera restarted.
     pub fn forget(&mut self) {
         self.alone[0] += self.colour.len() as u64;
         self.alone[1] += self.depth.len() as u64;
@@ -145,7 +144,7 @@ impl<T> Pairing<T> {
         self.last = None;
     }
 
-    /// The next pair, if one is certain.
+    /// The next pair, if it is final.
     pub fn next_pair(&mut self) -> Option<Pair<T>> {
         loop {
             let c = self.colour.front()?.0;
@@ -173,13 +172,13 @@ impl<T> Pairing<T> {
         (self.depth[depth].0 - colour).abs()
     }
 
-    /// Whether the next colour image is nearer to a depth image than this one, and so has it.
+    /// Whether a depth image is closer to the next colour image than to this one.
     fn is_the_next_ones(&self, colour: f64, depth: usize) -> bool {
         let next = self.colour.get(1);
         next.is_some_and(|next| self.gap(next.0, depth) < self.gap(colour, depth))
     }
 
-    /// Whether no image that may still come can be nearer to either.
+    /// Whether no later image can be closer to either.
     fn is_decided(&self, colour: f64, at: usize) -> bool {
         let depth = self.depth[at].0;
         self.gap(colour, at) <= self.near()
@@ -187,7 +186,7 @@ impl<T> Pairing<T> {
             || (colour < depth && self.colour.len() > 1)
     }
 
-    /// Leaves out the older of two images that are too far apart: what may still come is farther from it.
+    /// Drops the older of two images that are too far apart.
     fn give_up(&mut self, colour: f64, depth: usize) {
         if self.depth[depth].0 < colour {
             self.depth.drain(..=depth);
@@ -216,7 +215,7 @@ mod tests {
     use Stream::{Colour, Depth};
     use proptest::prelude::*;
 
-    /// The pairs that images give, in their order of arrival; each is (stream, stamp in ms).
+    /// The pairs of images in order of arrival, each (stream, stamp in ms).
     fn pairs(max_dt: f64, images: &[(Stream, i32)]) -> Vec<(i32, i32)> {
         let mut pairing = Pairing::new(max_dt);
         let mut found = Vec::new();
@@ -247,7 +246,7 @@ mod tests {
             (Depth, 78),
         ];
         assert_eq!(pairs(0.02, &images), [(0, 12), (33, 45), (66, 78)]);
-        // Depth at 20 belongs to colour at 33, as soon as that is there.
+        // Depth at 20 belongs to colour at 33, which decides at its arrival.
         let images = [
             (Colour, 0),
             (Depth, 20),
@@ -256,7 +255,6 @@ mod tests {
             (Colour, 66),
         ];
         assert_eq!(pairs(0.02, &images), [(33, 20), (66, 53)]);
-        // Too far apart for any.
         let images = [
             (Colour, 0),
             (Depth, 16),
@@ -269,7 +267,7 @@ mod tests {
 
     #[test]
     fn who_loses_the_nearest_takes_the_next() {
-        // Of freiburg1_xyz: depth is irregular, and the second image of it is nearer to the third colour image.
+        // From freiburg1_xyz: depth is irregular, and its second image is closer to the third colour image.
         let images = [
             (Colour, 975),
             (Depth, 962),
@@ -343,12 +341,11 @@ mod tests {
 
         #[test]
         fn streams_of_one_rate_give_every_frame(lag in -13..=13_i32, jitter in prop::collection::vec(-1..=1_i32, 60)) {
-            // Arrival in order of time.
             let mut images: Vec<(Stream, i32)> = (0..30).map(|i| (Colour, 1000 + 33 * i + jitter[i as usize])).collect();
             images.extend((0..30).map(|i| (Depth, 1000 + 33 * i + lag + jitter[30 + i as usize])));
             images.sort_by_key(|i| i.1);
             let found = pairs(0.02, &images);
-            // The last waits for what does not come any more.
+            // The last image waits for one that never comes.
             prop_assert!(found.len() >= 29, "{found:?}");
             for (c, d) in found {
                 prop_assert!((d - c - lag).abs() <= 2);

@@ -1,4 +1,4 @@
-//! Pictures for who looks: verdicts over the image, and what moves as a mask. Drawn only while somebody subscribes to them.
+//! Verdicts drawn on the image, and the mask of moving regions. Drawn only while subscribed to.
 
 use crate::outlet::Decided;
 use crate::outputs::Outputs;
@@ -8,7 +8,7 @@ use stillpoint::ros_events::{Publisher, Topic};
 use stillpoint::slam::{Event, Subscriber};
 use stillpoint::view::{Style, picture, write_jpeg};
 
-/// Quality of JPEG, percent: marks stay sharp.
+/// JPEG quality, percent: marks stay sharp.
 const QUALITY: u8 = 80;
 
 /// Draws frames.
@@ -22,7 +22,7 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// Of a run.
+    /// For a run.
     #[must_use]
     pub fn new(
         publisher: Publisher,

@@ -1,4 +1,4 @@
-//! Priorities of threads: threads that do not track give way to tracking, as in live runs of the command line.
+//! Thread priorities: threads other than tracking get lower ones, as in live runs of the command line.
 
 use std::cell::Cell;
 use stillpoint::live::Stage;
@@ -7,7 +7,7 @@ thread_local! {
     static LOWERED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Lowers the priority of this thread to what its stage needs, once.
+/// Lowers the priority of this thread for its stage, once.
 pub fn lower_once(stage: Stage) {
     let by = match stage {
         Stage::Tracking => 0,
@@ -22,7 +22,7 @@ pub fn lower_once(stage: Stage) {
 #[cfg(target_os = "linux")]
 fn lower_by(by: i32) {
     use rustix::process::{getpriority_process, setpriority_process};
-    // In Linux a nice value is a thread's.
+    // In Linux nice values apply to threads.
     let thread = Some(rustix::thread::gettid());
     if let Ok(before) = getpriority_process(thread) {
         let _ = setpriority_process(thread, (before + by).min(19));

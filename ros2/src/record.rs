@@ -1,6 +1,7 @@
-//! The recording of a run: images as they came, pair by pair, and what was found.
+//! The recording of a run: pairs of images, and the results.
 //!
-//! The images of a pair are written at one time, by which [`stillpoint::recordings`] knows them as a pair again, so that a replay of the run's log sees the frames that were tracked.
+//! Both images of a pair get the same log time, by which [`stillpoint::recordings`] pairs them again, so that a replay has the tracked
+//! frames.
 
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -8,20 +9,20 @@ use std::thread::JoinHandle;
 use stillpoint::recordings::{MessageFile, TopicInfo};
 use stillpoint::ros_events::Outgoing;
 
-/// Messages that wait for the disk at most: a second of images and what was found.
+/// Maximum number of messages queued for the disk: a second of images and results.
 const WAITING: usize = 60;
 
-/// A message on its way to the file.
+/// A message for the file.
 pub struct Entry {
     /// Its topic.
     pub topic: String,
     /// `sensor_msgs/msg/Image`.
     pub type_name: &'static str,
-    /// With those that it holds.
+    /// Definition with nested messages.
     pub definition: fn() -> String,
-    /// ns.
+    /// Log time, ns.
     pub time: u64,
-    /// Whether players offer it to who comes later.
+    /// Whether players should latch it.
     pub latched: bool,
     /// CDR with its encapsulation header.
     pub bytes: Vec<u8>,
@@ -32,33 +33,33 @@ enum Order {
     Found(Outgoing),
 }
 
-/// Where messages are handed over, from any thread. Who hands one over waits while the disk does not keep up: a frame that is missing could not be replayed.
+/// Accepts messages from any thread. Blocks while the disk does not keep up: replays need every frame.
 #[derive(Clone)]
 pub struct Recorder(SyncSender<Order>);
 
 impl Recorder {
-    /// Writes a message that came.
+    /// Writes a received message.
     pub fn write(&self, entry: Entry) {
-        // A file that failed has said so; its thread is gone.
+        // Fails only after an error that `finish` reports.
         let _ = self.0.send(Order::Write(entry));
     }
 
-    /// Writes what was found.
+    /// Writes a result.
     pub fn found(&self, message: &Outgoing) {
         let _ = self.0.send(Order::Found(message.clone()));
     }
 }
 
-/// A recording in the making.
+/// A recording in progress.
 pub struct Recording {
     thread: JoinHandle<Result<(), String>>,
 }
 
 impl Recording {
-    /// Begins a file where nothing is.
+    /// Creates a file.
     ///
     /// # Errors
-    /// Something is there, or cannot be written.
+    /// The file exists, or cannot be written.
     pub fn begin(path: &Path) -> Result<(Self, Recorder), String> {
         let mut file = MessageFile::create(path).map_err(|e| format!("record: {e}"))?;
         let (orders, inbox) = sync_channel(WAITING);
@@ -74,10 +75,10 @@ impl Recording {
         Ok((Self { thread }, Recorder(orders)))
     }
 
-    /// Waits until all is written; every [`Recorder`] has to be gone.
+    /// Waits until all is written; every [`Recorder`] must be dropped before.
     ///
     /// # Errors
-    /// What could not be written.
+    /// Failures to write.
     pub fn finish(self) -> Result<(), String> {
         let panicked = |_| Err("record: its thread panicked".to_owned());
         self.thread.join().unwrap_or_else(panicked)

@@ -1,4 +1,4 @@
-//! One run: from the first frame of a camera until it is reset, its map is replaced, or the node ends.
+//! One run: from the first frame of a camera until a reset, another map, or the end of the node.
 
 use crate::about::about;
 use crate::camera::Ready;
@@ -23,50 +23,50 @@ use stillpoint::ros_events::{FrameNames, Publisher};
 use stillpoint::slam::{Config, MapUse, Stages};
 use stillpoint::view::Style;
 
-/// Events that wait for who publishes them at most: more than a minute at 30 Hz.
+/// Maximum number of events queued for publishing: more than a minute at 30 Hz.
 const EVENTS: usize = 4096;
-/// Frames that the trajectory of a run without a log remembers: more than two minutes. Nothing of the node needs older ones.
+/// Stored trajectory of a run without a log, frames: more than two minutes, enough for the node.
 const FRAMES: usize = 4096;
-/// Frames with their images that wait for the surface at most.
+/// Maximum number of frames with images queued for the surface.
 const IMAGES: usize = 4;
 
-/// A map to begin with.
+/// An initial map.
 pub struct Known {
     /// The map.
     pub map: Map,
-    /// What is done with it.
+    /// How it is used.
     pub map_use: MapUse,
-    /// Its file, where it is of one.
+    /// Its file, if it has one.
     pub path: Option<PathBuf>,
-    /// What it knows of its camera's readout, s.
+    /// Readout time of its camera with standard deviation, s.
     pub readout: Option<[f64; 2]>,
 }
 
-/// What a run is made of.
+/// Components of a run.
 pub struct Plan<'a> {
-    /// What makes frames.
+    /// Converter of images.
     pub ready: Ready,
-    /// What is set.
+    /// Parameters of the node.
     pub options: &'a Options,
-    /// The configuration.
+    /// Configuration of the system.
     pub config: &'a Config,
-    /// A map to begin with.
+    /// An initial map.
     pub known: Option<Known>,
-    /// What published so far, where `odom` is to go on.
+    /// Publisher of the previous run, if `odom` continues.
     pub publisher: Option<Publisher>,
-    /// Topics.
+    /// Writers of topics.
     pub outputs: &'a Arc<Outputs>,
-    /// Names of the two topics of images.
+    /// Names of the topics of colour and depth images.
     pub topics: [&'a str; 2],
-    /// Name of the inertial sensor's topic, where it is used.
+    /// Name of the inertial sensor's topic, if used.
     pub imu_topic: Option<&'a str>,
-    /// Name of the odometry's topic, where it is used.
+    /// Name of the odometry's topic, if used.
     pub odometry_topic: Option<&'a str>,
-    /// How many runs there were: files of later ones have the number in their names.
+    /// Number of the run: files of later ones have it in their names.
     pub number: u32,
 }
 
-/// A run that goes on.
+/// A run in progress.
 pub struct Run {
     ready: Ready,
     live: LiveSystem,
@@ -82,27 +82,27 @@ pub struct Run {
     keep_colour: bool,
 }
 
-/// What is left of a run.
+/// Result of a finished run.
 pub struct Ended {
-    /// What goes on in the next.
+    /// Publisher for the next run.
     pub publisher: Option<Publisher>,
     /// The map.
     pub map: Option<Map>,
-    /// Frames that came, and those of them that were dropped.
+    /// Numbers of received frames, and of those dropped.
     pub frames: [u64; 2],
-    /// Frames with a pose.
+    /// Number of frames with a pose.
     pub tracked: u64,
-    /// Median and 95th percentile from the last packet of an image to its odometry, of the last minute, s.
+    /// Median and 95th percentile of the latency from the last packet of an image to its odometry, over the last minute, s.
     pub latency: Option<[f32; 2]>,
-    /// What could not be written, and threads that failed.
+    /// Failures of threads, and files that could not be written.
     pub troubles: Vec<String>,
 }
 
 impl Run {
-    /// Begins.
+    /// Starts a run.
     ///
     /// # Errors
-    /// A camera that cannot be computed with, a map that does not fit, a model that cannot be read, a file that cannot be written, no more threads.
+    /// Unusable camera, map of another one, unreadable model, file that cannot be written, no more threads.
     pub fn begin(plan: Plan<'_>) -> Result<Self, String> {
         let options = plan.options;
         let camera = plan.ready.incoming.camera().camera;
@@ -134,7 +134,7 @@ impl Run {
             keep_frames: Some(FRAMES),
             hook: Some(Arc::new(priority::lower_once)),
             subscriber_hook: Some(Arc::new(|name| {
-                // What is published is to be there as soon as it is found.
+                // Published results should not be delayed.
                 if name != "publish" {
                     priority::lower_once(Stage::Looping);
                 }
@@ -185,19 +185,19 @@ impl Run {
         })
     }
 
-    /// Where the camera is on the robot, and how frames are called: to be said once.
+    /// The camera's mount and names of frames, to be set once.
     #[must_use]
     pub fn decided(&self) -> &Decided {
         &self.decided
     }
 
-    /// What makes frames, and the frame of the camera.
+    /// The converter of images, with the frame of the camera.
     #[must_use]
     pub fn ready(&self) -> &Ready {
         &self.ready
     }
 
-    /// Writes something that came, if there is a recording.
+    /// Records a received message, if there is a recording.
     pub fn record(&self, entry: impl FnOnce() -> Entry) {
         if let Some((_, recorder)) = &self.recording {
             recorder.write(entry());
@@ -210,7 +210,7 @@ impl Run {
         self.recording.is_some()
     }
 
-    /// The number of the next frame. It is used up, whether or not the frame can be decoded, as in the recording.
+    /// The number of the next frame. It is consumed even if decoding fails, as in the recording.
     pub fn number(&mut self) -> FrameId {
         self.next += 1;
         FrameId(self.next - 1)
@@ -222,34 +222,34 @@ impl Run {
         self.keep_colour
     }
 
-    /// Hands over what the inertial sensor measured. False when tracking takes no more.
+    /// Adds IMU samples. Returns false if tracking has ended.
     pub fn tell_inertial(&mut self, samples: Vec<ImuSample>) -> bool {
         self.ready.imu.is_none() || self.live.tell_inertial(samples)
     }
 
-    /// Hands over what the wheels did. False when tracking takes no more.
+    /// Adds wheel odometry. Returns false if tracking has ended.
     pub fn tell_odometry(&mut self, samples: Vec<OdometrySample>) -> bool {
         self.ready.wheels.is_none() || self.live.tell_odometry(samples)
     }
 
-    /// Hands over a frame. False when tracking takes no more.
+    /// Adds a frame. Returns false if tracking has ended.
     pub fn push(&mut self, frame: RgbdFrame) -> bool {
         self.live.push(frame)
     }
 
-    /// How long frames take.
+    /// Latency of frames.
     #[must_use]
     pub fn timing(&self) -> &Timing {
         &self.timing
     }
 
-    /// How things stand.
+    /// State of the live run.
     #[must_use]
     pub fn watch(&self) -> Watch {
         self.live.watch()
     }
 
-    /// Ends: publishes what is left, writes the log and finishes the recording.
+    /// Ends the run: publishes remaining results, writes the log and finishes the recording.
     pub fn end(self) -> Ended {
         let result = self.live.finish();
         let mut troubles = troubles(&result);
@@ -299,7 +299,6 @@ fn stages(config: &Config, camera: Camera, known: Option<Known>) -> Result<Stage
         .map_err(|e| e.to_string())
 }
 
-/// What went wrong with the threads.
 fn troubles(result: &LiveResult) -> Vec<String> {
     use stillpoint::live::WorkerEnd;
     let ended = &result.ended;
@@ -360,10 +359,10 @@ fn numbered(file: &str, number: u32) -> PathBuf {
     path.with_file_name(format!("{stem}_{number}{}", ending.unwrap_or_default()))
 }
 
-/// Writes a file as a whole or not at all.
+/// Writes a file atomically.
 ///
 /// # Errors
-/// The system's reason.
+/// Failures of the system.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
     use std::io::Write;
     let refuse = |e: std::io::Error| {

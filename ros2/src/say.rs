@@ -1,4 +1,4 @@
-//! What the node says: on standard error, and on /rosout.
+//! Log messages: on standard error, and on /rosout.
 
 use crate::arguments::Level;
 use crate::bus::Writer;
@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 use stillpoint::ros_messages::{Format, Log, Time, to_bytes};
 
-/// Says things, from any thread.
+/// A logger for any thread.
 #[derive(Clone)]
 pub struct Voice(Arc<Inner>);
 
@@ -17,7 +17,7 @@ struct Inner {
 }
 
 impl Voice {
-    /// Of a node with this whole name.
+    /// For a node with this full name.
     #[must_use]
     pub fn new(name: &str, least: Level) -> Self {
         Self(Arc::new(Inner {
@@ -28,12 +28,12 @@ impl Voice {
         }))
     }
 
-    /// From now on on /rosout, too.
+    /// Adds /rosout.
     pub fn on_rosout(&self, writer: Writer) {
         *self.0.rosout.lock().unwrap_or_else(PoisonError::into_inner) = Some(writer);
     }
 
-    /// Says something.
+    /// Logs a message.
     pub fn say(&self, level: Level, text: &str) {
         let now = SystemTime::now()
             .duration_since(UNIX_EPOCH)
@@ -63,17 +63,17 @@ impl Voice {
         }
     }
 
-    /// For the user.
+    /// Logs information.
     pub fn info(&self, text: &str) {
         self.say(Level::Info, text);
     }
 
-    /// Something is amiss.
+    /// Logs a warning.
     pub fn warn(&self, text: &str) {
         self.say(Level::Warn, text);
     }
 
-    /// Something does not work.
+    /// Logs an error.
     pub fn error(&self, text: &str) {
         self.say(Level::Error, text);
     }

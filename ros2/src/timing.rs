@@ -1,23 +1,23 @@
-//! How long an image takes from its last packet to the odometry that it gives.
+//! Latency from the last packet of an image to its odometry.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Frames that are on their way at most; those that were dropped are among them.
+/// Maximum number of frames in processing, including dropped ones.
 const ON_THE_WAY: usize = 64;
-/// Latencies that are remembered: a minute of frames.
+/// Number of stored latencies: a minute of frames.
 const REMEMBERED: usize = 1800;
 
-/// Shared by who takes images and who sends odometry.
+/// Shared between image input and odometry output.
 #[derive(Clone, Debug, Default)]
 pub struct Timing(Arc<Mutex<Inner>>);
 
 #[derive(Debug, Default)]
 struct Inner {
-    /// When the images of a frame were whole, by the stamp of its colour image, µs.
+    /// Arrival times of images, by the stamp of the colour image, µs.
     begun: BTreeMap<u64, Instant>,
-    /// Of the newest frames, s; the next to be written over.
+    /// Ring buffer of the newest latencies, s.
     latencies: Vec<f32>,
     next: usize,
     sent: u64,
@@ -25,11 +25,11 @@ struct Inner {
 
 impl Timing {
     fn lock(&self) -> MutexGuard<'_, Inner> {
-        // A panic of another thread leaves numbers that are numbers.
+        // A panic of another thread leaves valid numbers.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The images of a frame were whole so long ago. `stamp` is that of its colour image, s.
+    /// Notes that the images of a frame arrived `ago`. `stamp` is that of its colour image, s.
     pub fn begin(&self, stamp: f64, ago: Duration) {
         let now = Instant::now();
         let mut inner = self.lock();
@@ -40,7 +40,7 @@ impl Timing {
         }
     }
 
-    /// The odometry of a frame was sent. `time` is its stamp, ns.
+    /// Notes that the odometry of a frame was sent. `time` is its stamp, ns.
     pub fn sent(&self, time: u64) {
         let now = Instant::now();
         let mut inner = self.lock();
@@ -58,13 +58,13 @@ impl Timing {
         inner.next = (next + 1) % REMEMBERED;
     }
 
-    /// Frames whose odometry was sent.
+    /// Number of frames with odometry sent.
     #[must_use]
     pub fn frames(&self) -> u64 {
         self.lock().sent
     }
 
-    /// Median and 95th percentile of the last minute, s; none before the first frame.
+    /// Median and 95th percentile of the last minute, s; `None` before the first frame.
     #[must_use]
     pub fn latency(&self) -> Option<[f32; 2]> {
         let mut all = self.lock().latencies.clone();

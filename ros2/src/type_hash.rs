@@ -1,4 +1,4 @@
-//! Hashes by which ROS 2 tells versions of a type apart: RIHS01 of REP-2011 and REP-2016, SHA-256 of a description in JSON.
+//! Hashes that identify versions of a type in ROS 2: RIHS01 of REP-2011 and REP-2016, SHA-256 of a description in JSON.
 
 use crate::services;
 use sha2::{Digest, Sha256};
@@ -7,7 +7,6 @@ use stillpoint::ros_events::Topic;
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::{Described, Message, Section, Version};
 
-/// A field as descriptions have it.
 #[derive(Clone, Debug)]
 struct Field {
     name: String,
@@ -16,14 +15,13 @@ struct Field {
     nested: String,
 }
 
-/// A message as descriptions have it.
 #[derive(Clone, Debug)]
 struct Type {
     name: String,
     fields: Vec<Field>,
 }
 
-/// What is added to the number of a type for arrays, and for sequences with and without a bound.
+/// Offsets of type numbers for arrays, and for bounded and unbounded sequences.
 const ARRAY: u32 = 48;
 const BOUNDED: u32 = 96;
 const UNBOUNDED: u32 = 144;
@@ -35,7 +33,7 @@ pub fn of_message<T: Message>() -> String {
     hash(T::NAME, types::<T>())
 }
 
-/// The hash of a service, by its name and the two messages that it is made of.
+/// The hash of a service, from its name and its two messages.
 #[must_use]
 pub fn of_service<Q: Message, A: Message>(name: &str) -> String {
     let mut all = types::<Q>();
@@ -93,7 +91,7 @@ pub fn of_service<Q: Message, A: Message>(name: &str) -> String {
     hash(name, all)
 }
 
-/// The hashes of a service, of its requests and of its answers.
+/// Of the service, its requests and its answers.
 pub(crate) fn of_halves<Q: Message, A: Message>(name: &str) -> [String; 3] {
     [
         of_service::<Q, A>(name),
@@ -102,14 +100,13 @@ pub(crate) fn of_halves<Q: Message, A: Message>(name: &str) -> [String; 3] {
     ]
 }
 
-/// A message and those that it holds.
 fn types<T: Described>() -> Vec<Type> {
     let mut sections = Vec::new();
     T::sections(Version::Ros2, &mut sections);
     sections.iter().map(read).collect()
 }
 
-/// The whole name: `std_msgs/Header` is `std_msgs/msg/Header`.
+/// The full name: `std_msgs/Header` is `std_msgs/msg/Header`.
 fn whole(name: &str) -> String {
     match name.matches('/').count() {
         1 => name.replacen('/', "/msg/", 1),
@@ -125,7 +122,7 @@ fn read(section: &Section) -> Type {
         .map(|(type_text, name)| field(type_text, name))
         .collect();
     if fields.is_empty() {
-        // What languages without empty structs need.
+        // For languages without empty structs.
         fields.push(field("uint8", "structure_needs_at_least_one_member"));
     }
     Type {
@@ -209,7 +206,7 @@ fn hash(name: &str, mut all: Vec<Type>) -> String {
     format!("RIHS01_{digits}")
 }
 
-/// Every type that the node publishes, subscribes to or serves, with its hash.
+/// All published, subscribed and served types, with their hashes.
 #[must_use]
 pub fn all() -> Vec<(&'static str, String)> {
     let mut all: Vec<(&'static str, String)> = Topic::ALL
@@ -229,7 +226,7 @@ pub fn all() -> Vec<(&'static str, String)> {
     all
 }
 
-/// The hash of every type of a topic, those behind services included, by its name.
+/// The hashes of all topic types by name, including those of services.
 #[must_use]
 pub fn of_topics() -> BTreeMap<String, String> {
     let mut all: BTreeMap<String, String> = all()
@@ -266,7 +263,7 @@ mod tests {
 
     #[test]
     fn hashes_are_those_of_the_installations() {
-        // Of ROS 2 Jazzy, as PyPI's ros2_pyterfaces has them; tools/ros2/check_hashes.py compares all.
+        // Of ROS 2 Jazzy, from PyPI's ros2_pyterfaces; tools/ros2/check_hashes.py compares all.
         let expected = [
             (
                 "std_srvs/srv/Trigger",

@@ -1,33 +1,33 @@
-//! Values of parameters, from YAML and to messages.
+//! Conversion of parameter values from YAML and to messages.
 
 use std::borrow::Cow;
 use stillpoint::ros_messages::ParameterValue;
 use yaml_rust2::{Yaml, YamlLoader};
 
-/// A value of a parameter.
+/// The value of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     /// True or false.
     Bool(bool),
     /// A whole number.
     Integer(i64),
-    /// A number.
+    /// A real number.
     Double(f64),
     /// Text.
     Text(String),
     /// Whole numbers.
     Integers(Vec<i64>),
-    /// Numbers.
+    /// Real numbers.
     Doubles(Vec<f64>),
     /// Texts.
     Texts(Vec<String>),
 }
 
 impl Value {
-    /// Of text as it stands after `:=`, which is YAML.
+    /// Parses the YAML after `:=`.
     ///
     /// # Errors
-    /// What was expected and found.
+    /// Invalid values.
     pub fn parse(text: &str) -> Result<Self, String> {
         let found = YamlLoader::load_from_str(text)
             .map_err(|e| format!("expected a value in YAML, found: {e}"))?;
@@ -37,10 +37,10 @@ impl Value {
         }
     }
 
-    /// Of a node of a document.
+    /// From a YAML node.
     ///
     /// # Errors
-    /// What was expected and found.
+    /// Invalid values.
     pub fn of_yaml(yaml: &Yaml) -> Result<Self, String> {
         Ok(match yaml {
             Yaml::Boolean(b) => Self::Bool(*b),
@@ -49,7 +49,7 @@ impl Value {
                 yaml.as_f64()
                     .ok_or_else(|| format!("expected a number, found \"{text}\""))?,
             ),
-            // YAML 1.1, which ROS reads, has more words for true and false.
+            // YAML 1.1, which ROS uses, has more words for true and false.
             Yaml::String(text) => Self::Text(text.clone()),
             Yaml::Null => Self::Text(String::new()),
             Yaml::Array(items) => Self::list(items)?,
@@ -98,7 +98,7 @@ impl Value {
         }
     }
 
-    /// What kind it is, in words.
+    /// Name of the type, for messages.
     #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
@@ -112,7 +112,7 @@ impl Value {
         }
     }
 
-    /// The number of its kind in `rcl_interfaces/msg/ParameterType`.
+    /// Number of the type in `rcl_interfaces/msg/ParameterType`.
     #[must_use]
     pub fn type_number(&self) -> u8 {
         match self {
@@ -126,7 +126,7 @@ impl Value {
         }
     }
 
-    /// As a message has it.
+    /// Converts it to a message.
     #[must_use]
     pub fn to_message(&self) -> ParameterValue<'static> {
         let mut message = ParameterValue {
@@ -145,7 +145,7 @@ impl Value {
         message
     }
 
-    /// Of a message; none where nothing is set, or bytes or truth values are listed, which no parameter here has.
+    /// From a message; `None` if it is unset, or a list of bytes or truth values, which no parameter here has.
     #[must_use]
     pub fn of_message(message: &ParameterValue<'_>) -> Option<Self> {
         Some(match message.r#type {

@@ -1,33 +1,33 @@
-//! What the node waits for: said once when it begins to wait, and again from time to time, in words that tell what to do.
+//! Reports missing input: at once and then periodically, with advice.
 
 use crate::camera::CameraTopics;
 use std::time::{Duration, Instant};
 use stillpoint::ros_messages as ros;
 
-/// A stream from which nothing came for so long has stopped.
+/// A stream without messages for this long has stopped.
 const STOPPED: Duration = Duration::from_secs(2);
-/// How often it is said again.
+/// Interval of repeated messages.
 const AGAIN: Duration = Duration::from_secs(10);
 
-/// What came of a stream.
+/// State of a stream.
 #[derive(Clone, Debug, Default)]
 pub struct StreamState {
-    /// Messages so far.
+    /// Number of messages received.
     pub count: u64,
-    /// When the last one came.
+    /// Arrival of the last one.
     pub last: Option<Instant>,
-    /// Its stamp, s.
+    /// Stamp of the last one, s.
     pub stamp: Option<f64>,
-    /// Messages that are missing between those that came.
+    /// Number of missing messages, by gaps in their numbers.
     pub lost: u64,
-    /// When the last camera info beside it came.
+    /// Arrival of the last camera info.
     pub info: Option<Instant>,
-    /// The writer and number of the last one.
+    /// Writer and number of the last message.
     number: Option<([u8; 16], i64)>,
 }
 
 impl StreamState {
-    /// A message came, of which writer and with which number.
+    /// Counts a message, with its writer and number.
     pub fn come(&mut self, now: Instant, number: ([u8; 16], i64)) {
         self.count += 1;
         self.last = Some(now);
@@ -46,25 +46,25 @@ impl StreamState {
     }
 }
 
-/// What is known of the streams.
+/// State of both streams.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a> {
-    /// Their topics.
+    /// Names of the topics.
     pub topics: &'a CameraTopics,
     /// Colour and depth.
     pub streams: &'a [StreamState; 2],
-    /// Publishers of colour, depth and constant transforms.
+    /// Numbers of publishers of colour, depth and constant transforms.
     pub publishers: [usize; 3],
-    /// Images without a partner.
+    /// Numbers of images without a partner.
     pub alone: [u64; 2],
-    /// Whether lost packets are asked for again.
+    /// Whether lost packets are retransmitted.
     pub reliable: bool,
-    /// What is lost on the wire, if anything is.
+    /// Description of losses on the wire, if any.
     pub losses: Option<&'a str>,
 }
 
 impl Seen<'_> {
-    /// What is missing, as of now; none where pairs of images come.
+    /// Description of missing input; `None` while pairs of images arrive.
     #[must_use]
     pub fn missing(&self, now: Instant, last_pair: Option<Instant>, max_dt: f64) -> Option<String> {
         let kind = |compressed| {
@@ -109,7 +109,7 @@ impl Seen<'_> {
         ))
     }
 
-    /// Why nothing comes of a publisher that is there: what is small arrives where what is large does not.
+    /// Advice if no images arrive from a publisher: small messages may get through where large ones do not.
     fn hint(&self, stream: usize, now: Instant) -> &'static str {
         let info = self.streams[stream].info;
         let infos_come = info.is_some_and(|at| now.saturating_duration_since(at) <= STOPPED);
@@ -121,14 +121,14 @@ impl Seen<'_> {
     }
 }
 
-/// Says what is waited for, neither too often nor never.
+/// Reports missing input periodically.
 #[derive(Debug, Default)]
 pub struct Waiting {
     what: Option<(String, Instant, Instant)>,
 }
 
 impl Waiting {
-    /// Notes what is waited for; gives what is to be said of it.
+    /// Updates the missing input; returns a message if one is due.
     pub fn update(&mut self, now: Instant, what: Option<String>) -> Option<String> {
         match (what, &mut self.what) {
             (None, None) => None,
@@ -152,19 +152,19 @@ impl Waiting {
         }
     }
 
-    /// What is waited for.
+    /// The missing input.
     #[must_use]
     pub fn what(&self) -> Option<&str> {
         self.what.as_ref().map(|(what, _, _)| what.as_str())
     }
 }
 
-/// What stays the same while numbers change.
+/// The part of a message without numbers.
 fn kind(what: &str) -> &str {
     what.split([':', '(']).next().unwrap_or(what)
 }
 
-/// How the input is, for `/diagnostics`.
+/// State of the input, for `/diagnostics`.
 #[must_use]
 pub fn diagnostics(
     seen: &Seen<'_>,

@@ -1,4 +1,4 @@
-//! Recordings of pairs as a node writes them, and what strangers can do.
+//! Recordings of pairs as written by a node, and robustness against forged packets.
 
 #![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 

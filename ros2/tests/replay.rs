@@ -1,4 +1,4 @@
-//! What a node records is what it tracked: frames of a recording are those that were made of the messages as they came, in number, stamps and pixels.
+//! Frames of a node's recording equal those it tracked, in number, stamps and pixels.
 
 use std::path::Path;
 use stillpoint::geometry::Camera;
@@ -34,7 +34,7 @@ fn header(stamp: f64) -> ros::Header<'static> {
     }
 }
 
-/// Messages of a frame as a driver sends them: colour, depth in millimetres.
+/// Messages of a frame as sent by a driver: colour, and depth in millimetres.
 fn messages(frame: &RgbdFrame, at: f64) -> (Vec<u8>, Vec<u8>) {
     let (width, height) = (frame.gray.width() as u32, frame.gray.height() as u32);
     let colour = ros::Image {
@@ -84,7 +84,7 @@ fn entry(topic: &str, type_name: &'static str, time: f64, bytes: Vec<u8>) -> Ent
     }
 }
 
-/// Pairs and records the images of a walk as they come; gives the frames that were made of them.
+/// Pairs and records the images of a walk; returns the resulting frames.
 fn record(path: &Path) -> Vec<RgbdFrame> {
     let (recording, recorder) = Recording::begin(path).unwrap();
     let frames = record_into(&recorder);
@@ -113,7 +113,6 @@ fn record_into(recorder: &Recorder) -> Vec<RgbdFrame> {
         let at = 100.000_001_7 + i as f64 / 30.0;
         let (colour, depth) = messages(&simulator.frame(i), at);
         pairing.take(Stream::Colour, at, colour);
-        // One depth image is lost on its way.
         if i != 3 {
             pairing.take(Stream::Depth, at + 0.0121, depth);
         }
@@ -155,7 +154,7 @@ fn a_recording_gives_the_frames_that_were_tracked() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("walk.mcap");
     let tracked = record(&path);
-    // The last image waits for what does not come, and the one without depth is no frame.
+    // The last image waits for one that never comes, and the one without depth gives no frame.
     assert!(tracked.len() >= FRAMES - 2, "{}", tracked.len());
     let input = open(&path, &OpenOptions::default()).unwrap();
     let mut source = input.frames(&FrameOptions::default()).unwrap();
@@ -169,7 +168,6 @@ fn a_recording_gives_the_frames_that_were_tracked() {
         assert_eq!(found.depth.data(), expected.depth.data());
     }
     assert!(source.next_frame().is_none());
-    // The camera is the one of the messages.
     let camera = input.camera().camera;
     assert_eq!((camera.fx, camera.distortion.k1), (67.0, 0.1));
 }

@@ -1,4 +1,4 @@
-//! What forged packets do to a node: one of them is enough to exhaust a middleware that believes what they claim.
+//! A single forged packet can exhaust a middleware that trusts its claims.
 
 use std::collections::BTreeMap;
 use std::net::UdpSocket;
@@ -11,9 +11,8 @@ const TYPE: &str = "sensor_msgs/msg/Image";
 const HEARTBEAT: u8 = 0x07;
 const GAP: u8 = 0x08;
 const DATA_FRAG: u8 = 0x16;
-/// Little-endian.
 const FLAGS: u8 = 1;
-/// A number that no message has.
+/// A sequence number far beyond any message.
 const FAR: i64 = 1 << 62;
 
 fn node(name: &str) -> NodeName {
@@ -42,7 +41,7 @@ fn packet(writer: [u8; 16], kind: u8, more: &[&[u8]]) -> Vec<u8> {
     .concat()
 }
 
-/// What claims more than there can be, with another number each time.
+/// Packets with impossible claims, with different numbers each time.
 fn forged(writer: [u8; 16], i: i64) -> [Vec<u8>; 3] {
     let ends = [[0; 4].as_slice(), &writer[12..]].concat();
     let count = (1_000_000 + i as i32).to_le_bytes();
@@ -68,7 +67,7 @@ fn join(name: &str, domain: u16) -> Bus {
     Bus::join(&node(name), reach, BTreeMap::new()).unwrap()
 }
 
-/// Waits until a writer has a reader, or time is over.
+/// Waits until a writer has a reader, with a timeout.
 fn meet(nodes: [&mut Bus; 2], writer: &Writer) {
     let end = Instant::now() + Duration::from_secs(15);
     while writer.subscribers() == 0 && Instant::now() < end {
@@ -87,7 +86,7 @@ fn resident_megabytes() -> Option<u64> {
 
 #[test]
 fn forged_claims_are_not_believed() {
-    // Ports below those that the system gives away, of a domain that hardly a robot has.
+    // Ports below the ephemeral range, of a domain that robots rarely use.
     let domain = 60 + (std::process::id() % 40) as u16;
     let mut ours = join("ours", domain);
     let reader = ours.subscribe("/image", TYPE, Quality::DEFAULT).unwrap();
@@ -98,7 +97,7 @@ fn forged_claims_are_not_believed() {
     let before = resident_megabytes();
     for i in 0..300 {
         for forged in forged(writer.id(), i) {
-            // To both nodes of this test: which of the two has the lower port is not known.
+            // Sent to both nodes, since either may have the lower port.
             for port in [11, 13] {
                 let to = ("127.0.0.1", 7400 + 250 * domain + port);
                 stranger.send_to(&forged, to).unwrap();
@@ -106,7 +105,7 @@ fn forged_claims_are_not_believed() {
         }
         std::thread::sleep(Duration::from_millis(1));
     }
-    // A camera that comes afterwards is found and heard: who still notes what is missing does neither.
+    // A camera that joins later is still discovered and received.
     let mut camera = join("camera", domain);
     let later = camera.publish("/image", TYPE, Quality::DEFAULT).unwrap();
     meet([&mut ours, &mut camera], &later);

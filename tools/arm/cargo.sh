@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# cargo for 64-bit Arm: what is built runs under qemu. Needs ARM_ROOT, the folder that setup.sh filled.
+# cargo for 64-bit Arm: built programs run under qemu. Needs ARM_ROOT, the folder made by setup.sh.
 #
 # Usage: ARM_ROOT=FOLDER tools/arm/cargo.sh test -p stillpoint-imaging ...
 set -euo pipefail

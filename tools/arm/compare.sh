@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs 30 frames of a simulated room on this machine and as 64-bit Arm under qemu, and compares the bytes of trajectories, keyframes and map.
 #
-# Usage: ARM_ROOT=FOLDER tools/arm/compare.sh [SCENE]      (setup.sh fills FOLDER; the first build takes some minutes)
+# Usage: ARM_ROOT=FOLDER tools/arm/compare.sh [SCENE]      (FOLDER made by setup.sh; the first build takes some minutes)
 set -euo pipefail
 : "${ARM_ROOT:?expected the folder that tools/arm/setup.sh filled}"
 scene=${1:-walking_xyz}

@@ -1,5 +1,5 @@
-// A plugin of qemu that counts the instructions a program runs on its first processor, and says how many at its end. The interface is declared here, because
-// Debian packages no header of it.
+// A qemu plugin that counts and prints the instructions of a program on its first processor. The interface is declared here, because Debian does not
+// package its header.
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>

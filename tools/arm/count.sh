@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Counts the instructions that kernels take, with and without vectors, on x86-64 and on 64-bit Arm: both under qemu with a plugin that counts them.
+# Counts the instructions of kernels, with and without SIMD, on x86-64 and on 64-bit Arm, both under qemu with a counting plugin.
 # Prints a table in Markdown, in thousands of instructions. Instructions are not time: see docs/arm.md.
 #
-# Usage: ARM_ROOT=FOLDER tools/arm/count.sh [KERNEL ...]      (setup.sh fills FOLDER; needs a C compiler; the first build takes some minutes)
+# Usage: ARM_ROOT=FOLDER tools/arm/count.sh [KERNEL ...]      (FOLDER made by setup.sh; needs a C compiler; the first build takes some minutes)
 set -euo pipefail
 : "${ARM_ROOT:?expected the folder that tools/arm/setup.sh filled}"
 here=$(cd "$(dirname "$0")" && pwd)
@@ -35,7 +35,7 @@ run() {
   "${emulator[@]}" kernels "$scratch/images" "$2" "${how[@]}" --times "$4" 2>&1 >"$scratch/$1-$3" | sed -n 's/^instructions //p'
 }
 
-# Thousands of instructions of one time: what more times take more. Of a walk the first frames, which make the first map, are left out.
+# Thousands of instructions per repetition, from the difference of two runs. For `frame` the first frames, which build the map, are left out.
 once() {
   local few=1 many=3
   [ "$2" != frame ] || few=8 many=24
@@ -55,7 +55,7 @@ for kernel in "${kernels[@]}"; do
     ratio=$(awk -v a="$scalar" -v b="$vector" 'BEGIN { printf "%.1f", a / b }')
     numbers+=("$scalar | $vector | $ratio")
   done
-  # The results, without the name of the instruction set, are the same.
+  # All must give the same result, apart from the name of the instruction set.
   for other in x86_64-vector aarch64-scalar aarch64-vector; do
     if [ "$(sed 's/.*: //' "$scratch/x86_64-scalar")" != "$(sed 's/.*: //' "$scratch/$other")" ]; then
       echo "$kernel: expected the result of x86_64-scalar, found another of $other" >&2

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Unpacks what is needed to compile for 64-bit Arm and to run it here into a folder: Debian's cross compiler and linker, its Rust compiler with the
-# standard library for Arm, and qemu twice: one file that needs nothing, and one that takes plugins, for count.sh. Of the system only the list of architectures changes (and apt's lists with it); rustup stays as it is.
+# Unpacks tools to compile for 64-bit Arm and to run the programs here into a folder: Debian's cross compiler and linker, its Rust compiler with the
+# standard library for Arm, and qemu twice: a static one, and one with plugins, for count.sh. Changes only the system's list of architectures and apt's
+# lists, not rustup.
 #
 # Usage: tools/arm/setup.sh FOLDER      (Debian 12 on x86-64, as root; some 1.5 GB)
 set -euo pipefail

@@ -1,7 +1,7 @@
-"""How much of one surface has nothing of another within 6 cm, and the other way round.
+"""Computes how much of one surface has nothing of another within 6 cm, and vice versa.
 
 Usage: python compare_meshes.py A.ply B.ply
-Needs trimesh, numpy and scipy. Both have to be in the same world.
+Needs trimesh, numpy and scipy. Both must have the same frame of reference.
 """
 
 import sys

@@ -1,7 +1,7 @@
-"""Fuses dumped frames with Open3D's block grid on the processor: user time per frame, and the points of the surface.
+"""Fuses dumped frames with Open3D's block grid on the CPU: user time per frame, and the points of the surface.
 
 Usage: OMP_NUM_THREADS=1 python open3d_fuse.py DIR VOXEL [ROUNDS] [POINTS_FILE]
-DIR is what `lab dense dump-sim|dump-tum` wrote. Needs open3d and numpy.
+DIR is the output of `lab dense dump-sim|dump-tum`. Needs open3d and numpy.
 """
 
 import os

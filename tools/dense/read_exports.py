@@ -1,7 +1,7 @@
-"""Opens what a dense map is exported as with other programs: trimesh for meshes, nav2's rules for the plan, OctoMap for the tree.
+"""Opens exports of a dense map with other software: trimesh for meshes, nav2's rules for the plan, OctoMap for the tree.
 
 Usage: python read_exports.py mesh.ply mesh.glb grid.yaml tree.bt
-Needs trimesh, numpy, pyyaml and pillow, and octomap-python where it can be installed.
+Needs trimesh, numpy, pyyaml and pillow, and octomap-python if it can be installed.
 """
 
 import sys
@@ -22,7 +22,7 @@ for path in (ply, glb):
         f"unit normals {np.allclose(normals, 1, atol=1e-3)}, colours {mesh.visual.kind}"
     )
 
-# As nav2_map_server/src/map_io.cpp has it for the mode trinary.
+# As nav2_map_server/src/map_io.cpp does in the mode trinary.
 with open(plan) as f:
     meta = yaml.safe_load(f)
 image = np.asarray(Image.open(plan.rsplit("/", 1)[0] + "/" + meta["image"] if "/" in plan else meta["image"])).astype(float)

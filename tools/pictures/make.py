@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Makes the pictures of the manual from simulated rooms: python make.py STILLPOINT [WORK]. Needs Chromium on the path, and Pillow of PyPI.
+"""Makes the pictures of the manual from simulated rooms: python make.py STILLPOINT [WORK]. Needs Chromium on the path, and Pillow from PyPI.
 
-STILLPOINT is the program, WORK a folder for what it writes (default: a temporary one). The pictures are docs/images/*.png, but for rerun.png.
+STILLPOINT is the program, WORK a folder for its output (default: a temporary one). The pictures are docs/images/*.png, except rerun.png.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from pathlib import Path
 from PIL import Image, ImageOps
 
 IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
-LARGEST = 200_000  # bytes of a picture: pages open fast, and the repository stays small
-VIEW = (547, 168, 1266, 556)  # where the map is in a page of that size, px
-FRAME = 70  # of walking_xyz: somebody walks past the desk
+LARGEST = 200_000  # maximum size of a picture, bytes: pages load fast, and the repository stays small
+VIEW = (547, 168, 1266, 556)  # the map's region in a page of that size, px
+FRAME = 70  # of walking_xyz: a person walks past the desk
 BROWSER = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--run-all-compositor-stages-before-draw", "--window-size=1280,800"]
 
 
 def keep(image: Image.Image, name: str, width: int) -> None:
-    """Writes a picture of at most this width, in as many colours as its size allows."""
+    """Writes a picture of at most this width, with as many colours as fit into the maximum size."""
     image = image.convert("RGB")
     if image.width > width:
         image = image.resize((width, round(image.height * width / image.width)), Image.Resampling.LANCZOS)
@@ -36,7 +36,7 @@ def keep(image: Image.Image, name: str, width: int) -> None:
 
 
 def shot(work: Path, url: str, *options: str) -> Image.Image:
-    """What Chromium shows of an address."""
+    """A screenshot of an address in Chromium."""
     program = shutil.which("chromium") or shutil.which("google-chrome") or sys.exit("expected chromium on the path, found none; install it")
     path = work / "shot.png"
     command = [program, *BROWSER, f"--user-data-dir={work / 'browser'}", *options, f"--screenshot={path}", url]
@@ -45,7 +45,7 @@ def shot(work: Path, url: str, *options: str) -> Image.Image:
 
 
 def live(program: str, work: Path, room: Path) -> Image.Image:
-    """The page of a live run, some seconds after its start. A browser that draws by software may be late: of several pictures that with the most in it."""
+    """The page of a live run, some seconds after its start: the most detailed of several screenshots, since rendering may be late."""
     command = [program, "live", "file", str(room), "--detector", f"scripted:{room}/detections.csv", "--dense", "--view", "127.0.0.1:21399", "--out", str(work / "live")]
     pictures = []
     for wait in (4000, 5000, 6000):

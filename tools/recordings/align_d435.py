@@ -1,6 +1,6 @@
-"""Writes depth of librealsense's test recording in its colour camera, as `rs.align` of PyPI `pyrealsense2` 2.59 makes it.
+"""Writes a depth image of librealsense's test recording aligned to the colour camera by `rs.align` of PyPI `pyrealsense2` 2.59.
 usage: align_d435.py d435_640x480.bag OUT.png      pip install pyrealsense2 numpy pillow; needs libusb-1.0-0 of the system
-Values are millimetres along the depth camera's axis, as rs.align leaves them."""
+Values are millimetres along the depth camera's axis, which rs.align does not convert."""
 import sys
 
 import numpy as np

@@ -1,5 +1,5 @@
-// Reads a file that `stillpoint run ... --record` wrote with what Foxglove and Lichtblick read it with: npm's @mcap/core,
-// @foxglove/rosmsg and @foxglove/rosmsg2-serialization. Prints messages per topic; exit code 1 when one cannot be decoded.
+// Reads a file written by `stillpoint run ... --record` with the libraries of Foxglove and Lichtblick: npm's @mcap/core,
+// @foxglove/rosmsg and @foxglove/rosmsg2-serialization. Prints messages per topic; exit code 1 if one cannot be decoded.
 //
 //     node check_record.mjs RUN.mcap
 import { readFile } from "node:fs/promises";

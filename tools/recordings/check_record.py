@@ -1,10 +1,10 @@
-"""Reads a file that `stillpoint run ... --record` wrote, with readers of others.
+"""Reads a file written by `stillpoint run ... --record` with other projects' libraries.
 
     check_record.py RUN.mcap RESULT
 
-Every message is decoded by `mcap-ros2-support` (by the definitions that the file carries) and by `rosbags` (by those of ROS 2 Humble, and by the file's own
-where Humble has none); both must find the same values. The transforms map -> odom -> camera_link -> camera_color_optical_frame, the constant rotation undone, are then compared
-with RESULT/trajectory_online.txt, to the last digit. Exit code 1 where anything differs.
+Every message is decoded by `mcap-ros2-support` (by the file's definitions) and by `rosbags` (by those of ROS 2 Humble, or the file's if Humble has none); both
+must give the same values. The transforms map -> odom -> camera_link -> camera_color_optical_frame, without the constant rotation, are then compared with
+RESULT/trajectory_online.txt, to the last digit. Exit code 1 if anything differs.
 """
 
 import sys
@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 
 def product(a, b):
-    """Of two quaternions w, x, y, z."""
+    """The product of two quaternions w, x, y, z."""
     (w, x, y, z), (p, q, r, s) = a, b
     return np.array([w * p - x * q - y * r - z * s, w * q + x * p + y * s - z * r, w * r - x * s + y * p + z * q, w * s + x * r - y * q + z * p])
 
@@ -37,7 +37,7 @@ def chain(a, b):
 
 
 def same(a, b):
-    """Whether two decoded messages hold the same: their classes are different."""
+    """Whether two decoded messages of different classes have equal values."""
     if isinstance(a, bytes):
         return a == bytes(b)
     if isinstance(a, (str, bool, int)):
@@ -74,7 +74,7 @@ def main(path, result):
     lines = []
     for stamp, body in chains:
         q, t = chain(body, constant)
-        # The world's axes are those of the camera too: the same rotation once more.
+        # The world's frame is rotated like the camera's: apply the same rotation again.
         q, t = product(undo, q), rotate(undo, t)
         q = q if q[0] >= 0 else -q
         numbers = [*t, q[1], q[2], q[3], q[0]]

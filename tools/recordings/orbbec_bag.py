@@ -1,8 +1,8 @@
-"""Writes a data set folder in the TUM layout as a bag of Orbbec's SDK 2, as its RosbagWriter lays it out.
+"""Writes a data set folder in the TUM layout as a bag of Orbbec's SDK 2, in the layout of its RosbagWriter.
 
     python orbbec_bag.py FOLDER OUT.bag [--frames 100]
 
-Definitions: those that OrbbecSDK 2 carries for its bags. Depth becomes millimetres of the colour camera (the two cameras are one).
+Definitions: those of OrbbecSDK 2 for its bags. Depth is in millimetres in the colour camera (both cameras are the same).
 """
 
 import argparse
@@ -27,7 +27,7 @@ DEVICE = HEADER + (
     "string name\nstring fullName\nstring asicName\nuint16 vid\nuint16 pid\nstring uid\nstring sn\nstring fwVersion\nstring hwVersion\n"
     "string supportedSdkVersion\nstring connectionType\nuint16 type\nuint8 backendType\nstring ipAddress\nstring localMac\n"
 )
-# Of the sensors and their images.
+# Numbers of the sensors and their images.
 COLOUR, DEPTH = 2, 3
 # OB_FORMAT_RGB and OB_FORMAT_Y16.
 RGB, Y16 = 22, 8

@@ -1,7 +1,7 @@
-"""Writes golden files of the crate ros-messages: messages as PyPI `rosbags` 0.11.9 serialises them, and definitions as it prints them.
+"""Writes golden files of the crate ros-messages: messages serialised and definitions printed by PyPI `rosbags` 0.11.9.
 usage: ros_messages.py FOLDER      pip install rosbags numpy
 messages.txt    type, format, bytes in hexadecimal: the messages of tests/golden.rs
-filled.txt      the same of every type, filled with counting numbers and letters
+filled.txt      likewise for every type, filled with counting numbers and letters
 definitions.txt per type: version, name, MD5 sum of ROS 1, then the definition without its constants"""
 import sys
 from pathlib import Path
@@ -11,7 +11,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 COVARIANCE = "float64[36] covariance"
-# vision_msgs 4 (branch ros2), which rosbags does not know.
+# vision_msgs 4 (branch ros2), which rosbags lacks.
 VISION = {
     "ObjectHypothesis": "string class_id\nfloat64 score",
     "ObjectHypothesisWithPose": "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose",
@@ -19,7 +19,7 @@ VISION = {
     "Detection3D": "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\nvision_msgs/BoundingBox3D bbox\nstring id",
     "Detection3DArray": "std_msgs/Header header\nvision_msgs/Detection3D[] detections",
 }
-# Halves of services, as their definitions in rcl_interfaces and std_srvs have them.
+# Halves of services, from their definitions in rcl_interfaces and std_srvs.
 SERVICES = {
     "rcl_interfaces/srv/GetParameters_Request": "string[] names",
     "rcl_interfaces/srv/GetParameters_Response": "rcl_interfaces/ParameterValue[] values",
@@ -70,7 +70,7 @@ def messages(store, ros1):
 
 
 class Fill:
-    """Gives every leaf a value of its own, and every sequence two elements."""
+    """Gives every leaf a distinct value, and every sequence two elements."""
 
     def __init__(self, store):
         self.store, self.n = store, 0
@@ -108,7 +108,7 @@ def without_constants(text):
 
 def main(folder):
     two, one = get_typestore(Stores.ROS2_JAZZY), get_typestore(Stores.ROS1_NOETIC)
-    # Not among the types that rosbags knows of Noetic.
+    # Missing in the Noetic types of rosbags.
     one.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
     for name, text in VISION.items():
         two.register(get_types_from_msg(text, f"vision_msgs/msg/{name}"))

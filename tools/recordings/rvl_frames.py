@@ -1,9 +1,10 @@
-"""Depth images compressed by PyPI's `rvl`, for tests of our decoder.
+"""Writes depth images compressed by PyPI's `rvl`, for tests of our decoder.
 
     python rvl_frames.py OUT.bin [FOLDER] [--frames 200]
 
-Without a folder: images that are made here, small enough to be committed. With one: the depth images of a data set in the TUM layout, for `STILLPOINT_RVL=OUT.bin cargo test -p stillpoint-imaging rvl`.
-Of each image: width, height and length as 32-bit numbers, the compressed bytes, and the values, all little-endian.
+Without a folder: generated images, small enough to be committed. With one: the depth images of a data set in the TUM layout, for
+`STILLPOINT_RVL=OUT.bin cargo test -p stillpoint-imaging rvl`.
+Format of each image: width, height and length as 32-bit numbers, the compressed bytes, and the values, all little-endian.
 """
 
 import argparse
@@ -15,7 +16,7 @@ import rvl
 
 
 def made(count):
-    """Slopes with steps, holes and noise; one is empty, one full, one of the extremes."""
+    """Slopes with steps, holes and noise; one image is empty, one full, one has extreme values."""
     random = np.random.default_rng(1)
     for k in range(count):
         y, x = np.mgrid[0:30, 0:40]
@@ -47,7 +48,7 @@ count = 0
 with args.out.open("wb") as out:
     for image in images:
         values = np.ascontiguousarray(image, dtype="<u2")
-        # Before the words it writes how many values there are, which image transports do not.
+        # Removes the leading number of values, which image transports do not write.
         (size,) = struct.unpack_from("<I", packed := rvl.compress(values.tobytes()))
         assert size == values.size
         packed = packed[4:]

@@ -1,9 +1,9 @@
-"""Records a data set folder as a RealSense camera would: through librealsense's software device, depth in a camera 15 mm beside the colour camera.
+"""Records a data set folder through librealsense's software device, with the depth camera 15 mm beside the colour camera.
 
     python software_realsense.py FOLDER OUT.db3 FRAMES
 
-Needs PyPI `pyrealsense2`, `numpy` and `pillow`. The folder is in the TUM layout with a `camera.toml` without distortion, as `stillpoint simulate` writes it; with
-`imu.csv` (`stillpoint simulate --imu`) gyroscope and accelerometer are recorded as a D435i has them, each with its own stream, mounted as `camera.toml` says.
+Needs PyPI `pyrealsense2`, `numpy` and `pillow`. The folder is in the TUM layout with a `camera.toml` without distortion, as from `stillpoint simulate`. With
+`imu.csv` (`stillpoint simulate --imu`) gyroscope and accelerometer are recorded as on a D435i, in separate streams, with the mount of `camera.toml`.
 """
 
 import os
@@ -28,7 +28,7 @@ def listed(name):
 
 
 def inertial():
-    """Samples as (stamp, rates, forces), and the rotation from the sensor's axes to the camera's with the sensor's place."""
+    """Samples as (stamp, rates, forces), and the sensor's mount: rotation from the sensor to the camera, and position."""
     if not os.path.exists(f"{folder}/imu.csv"):
         return [], None
     rows = [[float(v) for v in line.split(",")] for line in open(f"{folder}/imu.csv") if not line.startswith("#")]
@@ -40,13 +40,13 @@ def inertial():
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
-    # Devices count no time before they began.
+    # Device time starts at 0.
     return [(r[0], r[1:4], r[4:7]) for r in rows if r[0] >= 0], (np.array(rotation), numbers["translation"])
 
 
 def beside(depth):
-    """The depth image (mm) of a camera that stands to the right. Along a row inverse depth is linear on every plane: between neighbours of one surface it is
-    interpolated where the other camera has its pixels; the nearest surface wins."""
+    """The depth image (mm) of a camera to the right. Along a row inverse depth is linear on every plane: between neighbours on one surface it is interpolated
+    at the other camera's pixels; the nearest surface wins."""
     z = depth / scale
     w = np.divide(1.0, z, out=np.zeros(z.shape), where=z > 0)
     at = np.arange(depth.shape[1]) - fx * BESIDE * w
@@ -96,7 +96,7 @@ if samples:
         m.type, m.index, m.uid, m.fmt, m.fps = kind, 0, number, rs.format.motion_xyz32f, 200
         motion.append(module.add_motion_stream(m))
     stands = rs.extrinsics()
-    # Column by column.
+    # Column-major.
     stands.rotation, stands.translation = mount[0].T.ravel().tolist(), mount[1]
     for profile in motion:
         profile.register_extrinsics_to(colour_profile, stands)
@@ -124,7 +124,7 @@ def hand_over(sensor, profile, pixels, size, stamp, number):
 
 
 def measure(until):
-    """Hands over what was measured up to a time."""
+    """Passes on the samples up to a time."""
     while samples and samples[0][0] <= until:
         stamp, rate, force = samples.pop(0)
         for profile, values in zip(motion, (rate, force)):

@@ -1,4 +1,4 @@
-"""Writes the frames of a data set folder in the TUM layout as recordings, by libraries that are not ours.
+"""Writes the frames of a data set folder in the TUM layout as recordings, by other projects' libraries.
 
     python variants.py FOLDER OUT [--frames N]
 
@@ -37,7 +37,7 @@ class Folder:
         self.depths = [d for d in self.listed("depth.txt") if d[0] < last]
         text = (path / "camera.toml").read_text() if (path / "camera.toml").exists() else ""
         found = dict(re.findall(r"^(\w+)\s*=\s*([\d.]+)", text, re.M))
-        # Without a camera file: freiburg1's.
+        # Default without a camera file: freiburg1.
         fallback = (517.306408, 516.469215, 318.643040, 255.313989)
         fx, fy, cx, cy = (float(found.get(k, f)) for k, f in zip(("fx", "fy", "cx", "cy"), fallback))
         self.k = [fx, 0, cx, 0, fy, cy, 0, 0, 1]
@@ -49,7 +49,7 @@ class Folder:
 
 
 class Messages:
-    """Builds messages of one ROS."""
+    """Builds messages of one ROS version."""
 
     def __init__(self, ros1):
         self.ros1 = ros1
@@ -158,7 +158,7 @@ def mcap(out, folder, kind, compression):
 
 
 def options(source, out):
-    """The messages of an MCAP file once more, with every combination of options."""
+    """Rewrites the messages of an MCAP file with every combination of options."""
     with open(source, "rb") as file:
         read = list(make_reader(file).iter_messages())
     sizes = {True: (1024, 1 << 20), False: (1 << 20,)}

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""How fast a report opens and is scrubbed in a headless Chromium that draws by software: python scrub.py REPORT.html. Needs Chromium and nothing of PyPI.
+"""Measures opening and scrubbing of a report in a headless Chromium with software rendering: python scrub.py REPORT.html. Needs Chromium and nothing from PyPI.
 
-Scrubbing shows one frame after the other, each as soon as the browser asks for the next picture; the time that its processes work is told beside it, since it depends
-less on what else the machine does.
+Scrubbing shows one frame after the other, each as soon as the browser requests the next picture. The CPU time of its processes is printed too, since it depends
+less on other load.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ SCRUB = f"""new Promise((done) => {{ let n = 0; const began = performance.now(),
 
 
 class Browser:
-    """Chromium, spoken to by its own protocol over a pipe."""
+    """Chromium, controlled by the DevTools protocol over a pipe."""
 
     def __init__(self, folder: str) -> None:
         (its_in, our_out), (our_in, its_out) = os.pipe(), os.pipe()
 
         def prepare() -> None:
-            # It reads from 3 and writes to 4; either may be one of the four.
+            # Chromium reads from 3 and writes to 4; the pipes may have these numbers already.
             os.dup2(its_in, 100)
             os.dup2(its_out, 101)
             os.dup2(100, 3)
@@ -65,7 +65,7 @@ class Browser:
         return sys.exit(f"the page failed: {result}") if "exceptionDetails" in result else result["result"].get("value")
 
     def worked(self) -> float:
-        """Time that its processes have worked, s."""
+        """CPU time of its processes, s."""
         parents, times = {}, {}
         for stat in Path("/proc").glob("[0-9]*/stat"):
             try:

@@ -22,7 +22,7 @@ for number, word in enumerate(words, 1):
     end = time.time() + 10
     while time.time() < end and not (writer.get_matched_subscriptions() and reader.get_matched_publications()):
         time.sleep(0.02)
-    # The whole id is what the node sees; half of it is what the answer brings back.
+    # The node sees the full id; the answer contains half of it.
     head = CycloneHeader(list(range(1, 9)), 0, number)
     begin = time.time()
     writer.write(ask(head, value == "true") if value else ask(head, 0))

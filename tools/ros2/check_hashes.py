@@ -1,6 +1,7 @@
-"""Compares the hashes of `stillpoint-ros2 --types` with those of PyPI's ros2_pyterfaces 0.3 (with cyclonedds and cyclonedds-idl), which has no vision_msgs and no tf2_msgs.
+"""Compares the hashes of `stillpoint-ros2 --types` with those of PyPI's ros2_pyterfaces 0.3 (with cyclonedds and cyclonedds-idl), which
+lacks vision_msgs and tf2_msgs.
 
-usage: check_hashes.py STILLPOINT_ROS2; with --list instead, prints the hashes that are compared
+usage: check_hashes.py STILLPOINT_ROS2; with --list instead, prints the compared hashes
 """
 import importlib
 import subprocess

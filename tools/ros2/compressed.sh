@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Colour as JPEG and depth as PNG (compressed and compressedDepth), from Cyclone DDS: compressed.sh FOLDER; environment as of track.sh
+# Plays colour as JPEG and depth as PNG (compressed and compressedDepth) from Cyclone DDS: compressed.sh FOLDER; environment as for track.sh
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 # shellcheck source=loopback.sh

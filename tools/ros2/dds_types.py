@@ -193,7 +193,7 @@ class ParticipantEntitiesInfo(IdlStruct, typename="rmw_dds_common::msg::dds_::Pa
     gid: Gid
     node_entities_info_seq: sequence[NodeEntitiesInfo]
 
-# Requests and answers as rmw_cyclonedds sends them: half of the client's id and a number before the message.
+# Requests and answers in the format of rmw_cyclonedds: half of the client's id and a number before the message.
 @dataclass
 class CycloneHeader(IdlStruct, typename="CycloneHeader"):
     guid: array[uint8, 8]
@@ -251,7 +251,7 @@ class Detection3DArray(IdlStruct, typename="vision_msgs::msg::dds_::Detection3DA
     detections: sequence[Detection3D]
 
 def qos(reliable=True, latched=False, depth=100):
-    """As rmw_cyclonedds: XCDR1, keep last."""
+    """As in rmw_cyclonedds: XCDR1, keep last."""
     reliability = Policy.Reliability.Reliable(duration(milliseconds=100)) if reliable else Policy.Reliability.BestEffort
     durability = Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile
     representation = Policy.DataRepresentation(use_cdrv0_representation=True)

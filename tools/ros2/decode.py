@@ -1,4 +1,4 @@
-"""Decodes every message of a recording of the node with PyPI's rosbags, by its own definitions of ROS 2 Jazzy, and writes each again: the bytes have to be the same.
+"""Decodes every message of a recording of the node with PyPI's rosbags, by its definitions of ROS 2 Jazzy, and encodes each again; the bytes must be equal.
 
 usage: decode.py RUN.mcap
 """
@@ -20,7 +20,7 @@ with AnyReader([pathlib.Path(sys.argv[1])], default_typestore=store) as reader:
         message = store.deserialize_cdr(data, name)
         again = bytes(store.serialize_cdr(message, name))
         seen[connection.topic, name] += 1
-        # What pads the end is of no meaning.
+        # Ignores trailing padding.
         (same if again.rstrip(b"\0") == bytes(data).rstrip(b"\0") else other)[connection.topic] += 1
 for (topic, name), count in sorted(seen.items()):
     source = "" if name in known else " (by the recording's own definition)"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# A detector inside the node: detector.sh FOLDER MODEL; environment as of track.sh
+# Runs the node with a detector: detector.sh FOLDER MODEL; environment as for track.sh
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 # shellcheck source=loopback.sh

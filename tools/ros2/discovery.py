@@ -1,7 +1,8 @@
-"""What a peer on Cyclone DDS learns of a node: hashes of types in the announcements of its readers and writers, and who has them by `ros_discovery_info`.
+"""Prints what a Cyclone DDS peer discovers of a node: type hashes announced by its readers and writers, and their owner by `ros_discovery_info`.
 
-usage: discovery.py STILLPOINT_ROS2 [SECONDS]; the node has to run. Hashes are compared with `--types` and, where PyPI's ros2_pyterfaces has the type, with those.
-With --count, prints how many readers and writers of a node are seen, and nothing else.
+usage: discovery.py STILLPOINT_ROS2 [SECONDS]; the node must be running. Hashes are compared with `--types` and with PyPI's ros2_pyterfaces, if
+it has the type.
+With --count, prints only the number of discovered readers and writers.
 """
 import subprocess
 import sys

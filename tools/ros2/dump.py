@@ -1,4 +1,4 @@
-"""Frames of a TUM folder for fast_peer: dump.py FOLDER FRAMES.bin [MOST]"""
+"""Writes frames of a TUM folder for fast_peer: dump.py FOLDER FRAMES.bin [MOST]"""
 import pathlib
 import struct
 import sys

@@ -1,4 +1,4 @@
-// Calls a Trigger service of the node as rmw_fastrtps does: fast_ask SERVICE. Build as fast_peer.
+// Calls a Trigger service of the node as rmw_fastrtps does: fast_ask SERVICE. Build like fast_peer.
 #include <chrono>
 #include <cstdio>
 #include <memory>
@@ -43,7 +43,7 @@ int main(int, char** argv) {
     if (a.current_count && b.current_count) break;
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
-  // The reader that waits for the answer is named, the number is filled in by the middleware.
+  // Sets the reader of the answer; the middleware fills in the number.
   eprosima::fastrtps::rtps::WriteParams params;
   params.related_sample_identity().writer_guid() = reader->guid();
   std_srvs::srv::dds_::Trigger_Request_ request;

@@ -1,6 +1,6 @@
-// Plays frames to the node as a camera on Fast DDS, the middleware of rmw_fastrtps, and tells what came of it.
+// Plays frames to the node as a camera on Fast DDS, the middleware of rmw_fastrtps, and prints the results.
 //
-// usage: fast_peer FRAMES.bin [rel]; FRAMES.bin is made by dump.py. Build: see README.md.
+// usage: fast_peer FRAMES.bin [rel]; FRAMES.bin is written by dump.py. Build: see README.md.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>

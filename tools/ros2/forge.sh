@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Packets of strangers: each kind of mutate.py while a camera plays, and whether frames go on afterwards.
+# Sends forged packets of each kind of mutate.py while a camera plays, and checks that tracking continues afterwards.
 #
-# usage: forge.sh FOLDER PACKETS [KIND...]; needs root; environment as of track.sh
+# usage: forge.sh FOLDER PACKETS [KIND...]; needs root; environment as for track.sh
 set -u
 folder=$1 packets=$2
 shift 2

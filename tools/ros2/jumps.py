@@ -1,4 +1,4 @@
-"""Whether odom jumps: its steps beside those of the map, and where map -> odom changes.
+"""Checks odom for jumps: compares its steps with those of the map, and at changes of map -> odom.
 
 usage: jumps.py HEARD.json [GROUNDTRUTH.txt]
 """
@@ -23,7 +23,7 @@ if len(sys.argv) > 2:
     length = last - first + 1 / 30
 
     def where(s):
-        # There and back, as play.py --loops goes.
+        # Forwards and backwards, as with play.py --loops.
         turn, s = divmod(s - first, length)
         s = s if turn % 2 == 0 else length - 1 / 30 - s
         return np.array([np.interp(first + s, truth[:, 0], truth[:, k]) for k in (1, 2, 3)])

@@ -1,6 +1,6 @@
-"""A reader that comes late: how long until it has what is latched.
+"""Measures how soon a late reader receives latched messages.
 
-usage: late.py SECONDS_TO_WAIT; a node with dense:=true and a camera have to be there
+usage: late.py SECONDS_TO_WAIT; a node with dense:=true and a camera must be running
 """
 import sys
 import time

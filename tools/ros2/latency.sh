@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# From an image's last packet to its odometry inside the node, beside the time that OpenCV takes for 1000 keypoints of ORB, in turn: latency.sh FOLDER UNIT.py PEER [rel]
-# environment as of track.sh
+# Measures the node's latency from an image's last packet to its odometry, alternating with OpenCV's time for 1000 ORB keypoints:
+# latency.sh FOLDER UNIT.py PEER [rel]; environment as for track.sh
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 for _ in 1 2 3; do

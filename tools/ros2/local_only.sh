@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What a peer on another machine sees of a node, with ROS_LOCALHOST_ONLY and without: two network namespaces with a wire between them.
-# usage: local_only.sh; needs root; environment as of track.sh
+# Tests the node's visibility to a peer on another machine, with ROS_LOCALHOST_ONLY and without: two connected network namespaces.
+# usage: local_only.sh; needs root; environment as for track.sh
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 if [ -z "${INSIDE:-}" ]; then
@@ -14,7 +14,7 @@ ip address add 10.9.0.1/24 dev near && ip link set near up multicast on
 ip -n far address add 10.9.0.2/24 dev far && ip -n far link set far up multicast on && ip -n far link set lo up
 ip route add 239.0.0.0/8 dev near
 ip -n far route add 239.0.0.0/8 dev far
-# The far peer speaks to the port that cannot be bound to loopback, by its number.
+# The far peer contacts the port that cannot be bound to loopback.
 export CYCLONEDDS_URI='<CycloneDDS><Domain><Discovery><Peers><Peer address="10.9.0.1:7400"/></Peers></Discovery></Domain></CycloneDDS>'
 for only in 0 1; do
   ROS_LOCALHOST_ONLY=$only "$NODE" >/dev/null 2>&1 &

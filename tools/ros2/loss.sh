@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# 5 % of all packets lost, in a network namespace of its own, and none afterwards: loss.sh FOLDER [rel]; needs root and nftables; environment as of track.sh
+# Drops 5 % of all packets in a separate network namespace, and none afterwards: loss.sh FOLDER [rel]; needs root and nftables; environment as for track.sh
 set -u
 if [ -z "${INSIDE:-}" ]; then
   INSIDE=1 exec unshare -n "$0" "$@"

@@ -1,15 +1,15 @@
-"""Sends mutated or forged packets to a node: takes what goes over loopback while a camera is played, changes it, and sends it again.
+"""Sends mutated or forged packets to a node: captures packets on loopback while a camera plays, changes them, and sends them again.
 
-usage: mutate.py PID PACKETS SECONDS [KIND]; needs root to listen. Prints memory and threads before and after. KIND, each with other numbers in every packet:
-  mutated       bytes changed, put in, left out (what is done without KIND)
-  frag          fragments that say that their message has 2 GB
-  small_frag    fragments that say that theirs has 8 MB
-  heartbeat     all messages up to 2^62 are there
-  gap           no messages up to 2^62 are there
-  empty_frag    fragments of no bytes
-  nackfrag      the four thousand millionth fragment is asked for
-  wide_set      fragments are asked for by a set of more than a set holds
-  participants  participants that are not there
+usage: mutate.py PID PACKETS SECONDS [KIND]; needs root to listen. Prints memory and threads before and after. KIND, with different numbers in every packet:
+  mutated       changed, inserted or removed bytes (default)
+  frag          fragments of messages that claim 2 GB
+  small_frag    fragments of messages that claim 8 MB
+  heartbeat     claims that all messages up to 2^62 exist
+  gap           claims that no messages up to 2^62 exist
+  empty_frag    empty fragments
+  nackfrag      requests for the four thousand millionth fragment
+  wide_set      requests for fragments with a set beyond its capacity
+  participants  nonexistent participants
 """
 import random
 import socket
@@ -38,7 +38,7 @@ def capture(seconds, most):
         port = int.from_bytes(frame[36:38], "big")
         body = frame[42:]
         if 7400 <= port <= 7650 and body[:4] == b"RTPS":
-            # Large ones are most of what goes by; small ones are the more interesting.
+            # Most packets are large; small ones are more interesting.
             if len(body) < 5000 or random.random() < 0.02:
                 found.append((port, body))
         if len(found) >= most:
@@ -50,7 +50,7 @@ def mutated(body, rng):
     body = bytearray(body)
     for _ in range(rng.choice([1, 1, 2, 4, 16])):
         kind = rng.randrange(6)
-        # Most of what matters is in the first bytes.
+        # Most relevant fields are in the first bytes.
         at = rng.randrange(min(len(body), 400)) if rng.random() < 0.8 else rng.randrange(len(body))
         if kind == 0:
             body[at] = rng.randrange(256)
@@ -69,7 +69,7 @@ def mutated(body, rng):
 
 
 def submessages(body):
-    """Kind, byte order as flags say it, place and length of each."""
+    """Kind, byte order, offset and length of each submessage."""
     at = 20
     while at + 4 <= len(body):
         order = "little" if body[at + 1] & 1 else "big"
@@ -145,7 +145,7 @@ def wide_set(body, number):
 
 
 def participant(body, number):
-    """One that is not there, by the announcement of one that is."""
+    """Announces a nonexistent participant, derived from a real announcement."""
     for kind, _, at, _ in submessages(body):
         if kind == 0x15 and body[at + 12:at + 16] == b"\x00\x01\x00\xc2":
             prefix = body[8:20]

@@ -1,4 +1,4 @@
-"""Plays a TUM folder to the node as a camera on Cyclone DDS, at its own pace, and keeps what the node says.
+"""Plays a TUM folder to the node as a camera on Cyclone DDS, in real time, and stores the node's output.
 
 usage: play.py FOLDER OUT.json [--reliable] [--frames N] [--loops N] [--rate X] [--tf] [--half] [--compressed] [--namespace /NAME] [--shift S]...
 OUT.json: odometry (stamp, position, quaternion, times of sending and arrival), tf, counts.
@@ -132,7 +132,7 @@ def main():
         frame = "camera_color_optical_frame"
         if args.compressed:
             jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
-            # What compressed_depth_image_transport puts before the PNG: a format, and two numbers for depth in metres.
+            # The header of compressed_depth_image_transport before the PNG: a format, and two numbers for depth in metres.
             png = bytes(12) + cv2.imencode(".png", mm)[1].tobytes()
             colour_image = compressed_bytes(frame, "rgb8; jpeg compressed bgr8", jpeg)
             depth_image = compressed_bytes(frame, "16UC1; compressedDepth png", png)
@@ -205,7 +205,7 @@ def main():
     first = images[0][0]
     length = images[-1][0] - first + 1 / 30
     for loop in range(args.loops):
-        # There and back: the camera does not jump.
+        # Forwards and backwards, so that the camera does not jump.
         order = images if loop % 2 == 0 else images[::-1]
         for i, (stamp, rgb, depth_stamp, mm, (h, w)) in enumerate(order):
             if loop % 2 == 1:

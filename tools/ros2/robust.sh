@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# A camera that stops and comes back as another process, sets its clock back, sends what is not read, and has no calibration.
-# usage: robust.sh FOLDER; environment as of track.sh
+# Plays a camera that stops and returns as another process, sets its clock back, sends unsupported images, and has no calibration.
+# usage: robust.sh FOLDER; environment as for track.sh
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 # shellcheck source=loopback.sh

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# A folder at its pace from a foreign peer: frames with a pose, latency, replay, error.
+# Plays a folder in real time from another middleware's peer: frames with a pose, latency, replay, error.
 #
-# usage: track.sh FOLDER PEER [rel]; PEER is cyclone or fast. The environment: NODE, STILLPOINT (programs), PY (Python with cyclonedds, numpy, opencv), FAST (fast_peer), WORK (a scratch folder)
+# usage: track.sh FOLDER PEER [rel]; PEER is cyclone or fast.
+# Environment: NODE, STILLPOINT (programs), PY (Python with cyclonedds, numpy, opencv), FAST (fast_peer), WORK (a scratch folder)
 set -u
 folder=$1 peer=$2 rel=${3:-}
 here=$(cd "$(dirname "$0")" && pwd)

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Two nodes in two namespaces on one machine, each with a camera of its own: whether each follows its own alone, in topics, transforms and services.
+# Runs two nodes in two namespaces on one machine, each with its own camera, and checks that they stay separate in topics, transforms and services.
 #
-# usage: two_nodes.sh FOLDER OTHER_FOLDER; environment as of track.sh
+# usage: two_nodes.sh FOLDER OTHER_FOLDER; environment as for track.sh
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 # shellcheck source=loopback.sh
@@ -19,7 +19,7 @@ sleep 1
 first=$!
 "$PY" "$here/play.py" "$2" "$out/two.json" --namespace /two --own-tf --shift 5000 >"$out/play_two.txt" 2>&1
 wait $first
-# One is reset; the other goes on in its run.
+# Resets one; the other continues its run.
 "$PY" "$here/ask.py" --namespace /one reset
 sleep 1
 echo "runs that the reset of /one has ended: $(grep -ac 'run 1 ended' "$out/one.txt") of /one, $(grep -ac 'run 1 ended' "$out/two.txt") of /two"

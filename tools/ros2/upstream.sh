@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What ros2/vendor/rustdds changes in the RustDDS of crates.io: upstream.sh [VERSION]; files that are left out are not listed
+# Prints the changes of ros2/vendor/rustdds relative to RustDDS on crates.io: upstream.sh [VERSION]; omitted files are not listed
 set -eu
 root=$(cd "$(dirname "$0")/../.." && pwd)
 version=${1:-0.15.1}

@@ -1,20 +1,19 @@
-//! What is compared, and what is said of it.
+//! Compared metrics and their verdicts.
 
 use super::statistics::{Estimate, Sum, enough};
 use crate::results::{Figures, Run};
 use crate::table::{self, figure};
 
-/// Times and memory that differ by less are the same: two processes of one program do.
+/// Smaller relative differences of times and memory are ignored: two processes of one program differ as much.
 const MARGIN: f64 = 0.05;
 
-/// What is compared.
 pub(super) struct Metric {
     pub(super) name: &'static str,
     pub(super) of: fn(&Figures) -> Option<f64>,
     pub(super) sum: Sum,
-    /// A ratio has to be beyond this share of 1.
+    /// Ignored relative deviation of a ratio from 1.
     margin: f64,
-    /// Only of runs that had the machine to themselves.
+    /// Compared only between runs with `--jobs 1`.
     pub(super) timed: bool,
     digits: usize,
 }
@@ -70,16 +69,16 @@ pub(super) const METRICS: [Metric; 6] = [
     },
 ];
 
-/// What is said of B.
+/// Verdict on B.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// No pair differs.
+    /// All pairs are equal.
     Same,
     Better,
     Worse,
     NoDifference,
     TooFew,
-    /// Other runs took the machine's time.
+    /// Some runs shared the machine with others.
     NotTimed,
 }
 
@@ -97,7 +96,7 @@ impl Verdict {
 }
 
 impl Metric {
-    /// What does not differ.
+    /// The contrast of equal values.
     fn neutral(&self) -> f64 {
         match self.sum {
             Sum::Ratios => 1.0,
@@ -105,12 +104,12 @@ impl Metric {
         }
     }
 
-    /// B by A, or B less A; none where one has no figure, or where a ratio is none.
+    /// B / A or B - A. `None` if undefined.
     pub(super) fn contrast(&self, (a, b): &(Run, Run)) -> Option<f64> {
         let of = |r: &Run| r.figures.as_ref().and_then(self.of);
         let (a, b) = (of(a)?, of(b)?);
         let value = match self.sum {
-            // Nothing differs from itself, zero neither.
+            // 0 / 0 counts as 1.
             Sum::Ratios if a == b => 1.0,
             Sum::Ratios => b / a,
             Sum::Differences => b - a,
@@ -118,7 +117,7 @@ impl Metric {
         (value.is_finite() && (self.sum == Sum::Differences || value > 0.0)).then_some(value)
     }
 
-    /// The verdict on contrasts by input, of which so many are independent.
+    /// `independent` of the contrasts are independent.
     pub(super) fn judge(
         &self,
         contrasts: &[Vec<f64>],
@@ -143,7 +142,7 @@ impl Metric {
         }
     }
 
-    /// The median (of counts: the mean) of one side.
+    /// The median of one side; of counts the mean.
     pub(super) fn side(&self, runs: impl Iterator<Item = f64>) -> String {
         let values: Vec<f64> = runs.collect();
         let value = match self.sum {

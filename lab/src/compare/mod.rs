@@ -1,4 +1,4 @@
-//! `lab compare`: whether the runs of B are better or worse than those of A, beyond what seeds do.
+//! `lab compare`: whether A and B differ by more than seeds do.
 
 mod metric;
 mod pairs;
@@ -12,26 +12,23 @@ use pairs::{Group, Pairs};
 use statistics::{OUTSIDE, RESAMPLES, estimate};
 use std::process::ExitCode;
 
-/// Says whether the runs of B are better or worse than those of A.
+/// Tests whether the runs of B are better or worse than those of A
 ///
-/// Runs are paired by input and seed (and variant, where there are several). Exit code 1 where B is worse.
+/// Runs are paired by input and seed (and by variant, if there are several). Exit code 1 if B is worse.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// FILE.jsonl, or FILE.jsonl#WHICH: a variant, or the beginning of a commit or of a program's hash
     a: String,
-    /// The same
+    /// Second side, in the same format
     b: String,
 }
 
-/// What a comparison says.
 struct Comparison {
     table: Table,
-    /// Where B is worse, in words.
     worse: Vec<String>,
     better: Vec<String>,
 }
 
-/// Compares all metrics, by input and over all.
 fn compare(groups: &[Group]) -> Comparison {
     let head = [
         "input",
@@ -48,7 +45,7 @@ fn compare(groups: &[Group]) -> Comparison {
         worse: Vec::new(),
         better: Vec::new(),
     };
-    // Of many inputs one is beyond its interval by chance: the share outside is divided among them.
+    // Bonferroni correction: among many inputs one would exceed its interval by chance.
     let each = OUTSIDE / groups.len().max(1) as f64;
     for metric in &METRICS {
         let mut all: Vec<(Vec<f64>, &Group)> = Vec::new();
@@ -92,7 +89,7 @@ impl Comparison {
             _ => {}
         }
         let figures = |run: &Run| run.figures.as_ref().and_then(metric.of);
-        // Errors of several inputs have no median that means anything.
+        // A median over the errors of different inputs is meaningless.
         let [a, b] = if of.len() > 1 {
             [String::new(), String::new()]
         } else {
@@ -116,7 +113,7 @@ impl Comparison {
     }
 }
 
-/// Inputs whose images are not the same for both sides, in words.
+/// Warnings about images rendered by different programs.
 fn other_images(groups: &[Group]) -> Vec<String> {
     let differ = |g: &&Group| g.pairs.iter().any(|(a, b)| a.renderer != b.renderer);
     let said = |g: &Group| {
@@ -128,7 +125,7 @@ fn other_images(groups: &[Group]) -> Vec<String> {
     groups.iter().filter(differ).map(said).collect()
 }
 
-/// Pairs of which one side has no error: in words, and whether it is B alone.
+/// Warnings about missing errors, and whether only B lacks one.
 fn broken(groups: &[Group]) -> Vec<(String, bool)> {
     let mut all = Vec::new();
     let ate = |r: &Run| r.figures.as_ref().and_then(|f| f.ate_mm).is_some();
@@ -222,12 +219,12 @@ mod tests {
         assert_eq!(verdicts(&groups(|_| 1.02, 8)), (1, 0));
         assert_eq!(verdicts(&groups(|_| 0.98, 8)), (0, 1));
         assert_eq!(verdicts(&groups(|_| 1.0, 8)), (0, 0));
-        // As often better as worse.
+        // Better as often as worse.
         assert_eq!(
             verdicts(&groups(|s| if s % 2 == 0 { 0.7 } else { 1.5 }, 8)),
             (0, 0)
         );
-        // Five seeds fall on one side by chance too often.
+        // Five seeds agree by chance too often.
         assert_eq!(verdicts(&groups(|_| 1.5, 5)), (0, 0));
         let text = compare(&groups(|_| 1.5, 5)).table.to_markdown();
         assert!(text.contains("too few to tell"), "{text}");
@@ -245,10 +242,10 @@ mod tests {
         };
         let said = compare(&[three("sim:x", 1.1), three("sim:y", 1.1)]);
         assert_eq!(said.worse, ["all inputs: ATE, mm"]);
-        // The images of recordings are the same for all seeds.
+        // All seeds share the images of a recording.
         let said = compare(&[three("x", 1.1), three("y", 1.1)]);
         assert_eq!(said.worse, Vec::<String>::new());
-        // Scenes that disagree show nothing, however well each is known.
+        // Scenes that disagree show nothing, however precisely each is known.
         let said = compare(&[three("sim:x", 1.1), three("sim:y", 0.99)]);
         assert_eq!(said.worse, Vec::<String>::new());
     }

@@ -1,14 +1,14 @@
-//! Two sets of runs, paired by input and seed.
+//! Runs of two sides, paired by input and seed.
 
 use crate::Failure;
 use crate::results::{Run, read, runs};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// What a pair has in common: input, variant where that matters, frames at most, seed.
+/// Key of a pair: input, variant (if relevant), frames at most, seed.
 type Common = (String, String, Option<u64>, u64);
 
-/// Runs of one side, as `FILE` or `FILE#WHICH` names them: WHICH is a variant, or the beginning of a commit or of a program's hash.
+/// Runs selected by `FILE` or `FILE#WHICH`, see [`super::Arguments`].
 pub(crate) fn side(named: &str) -> Result<Vec<Run>, Failure> {
     let (file, which) = match named.rsplit_once('#') {
         Some((file, which)) => (file, Some(which)),
@@ -34,7 +34,6 @@ pub(crate) fn side(named: &str) -> Result<Vec<Run>, Failure> {
     Ok(chosen)
 }
 
-/// Pairs of one input.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     pub(crate) name: String,
@@ -42,8 +41,8 @@ pub(crate) struct Group {
 }
 
 impl Group {
-    /// How many of its pairs are independent where inputs are judged together: the images of a recording, and of a scene with a seed of its own, are the same for
-    /// all seeds, and what chance makes of them is too.
+    /// Number of independent pairs when inputs are judged together. A recording or a scene with a fixed seed counts once, since its seeds
+    /// share the images.
     pub(crate) fn independent(&self) -> usize {
         let own = |(a, _): &(Run, Run)| {
             let input = &a.key.input;
@@ -57,14 +56,14 @@ impl Group {
     }
 }
 
-/// All pairs by input, and what has no partner, in words.
+/// All pairs by input, and messages for runs without a partner.
 #[derive(Debug)]
 pub(crate) struct Pairs {
     pub(crate) groups: Vec<Group>,
     pub(crate) alone: Vec<String>,
 }
 
-/// Pairs two sides. Where each of them is of one variant, its name does not matter.
+/// Ignores variant names if each side has only one.
 pub(crate) fn pair(a: Vec<Run>, b: Vec<Run>) -> Result<Pairs, Failure> {
     let variants =
         |runs: &[Run]| -> BTreeSet<String> { runs.iter().map(|r| r.key.variant.clone()).collect() };
@@ -115,7 +114,6 @@ fn by_common(side: &str, runs: Vec<Run>, several: bool) -> Result<BTreeMap<Commo
     Ok(all)
 }
 
-/// The name of the group that a pair is in.
 fn group((input, variant, frames, _): &Common) -> String {
     let mut name = input.clone();
     if !variant.is_empty() {

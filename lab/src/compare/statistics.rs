@@ -1,20 +1,19 @@
-//! How sure a difference is: intervals by drawing anew, with replacement, as many inputs as there are and as many seeds of each (Efron's bootstrap, percentiles).
+//! Confidence intervals of differences: percentile bootstrap (Efron) over inputs and over the seeds of each input.
 //!
-//! Inputs are drawn too, since a recording answers every change by chance a little, whatever the seed: what holds over all inputs has to hold for others like them.
+//! Inputs are resampled too, because a difference should hold for other inputs of the kind.
 
 use crate::table::spread;
 use stillpoint::estimation::{Purpose, Rng, rng};
 
-/// How often seeds are drawn anew: the ends of the interval then hold to about a tenth of its width.
+/// Bootstrap resamples: the ends of the interval are then accurate to about a tenth of its width.
 pub(crate) const RESAMPLES: usize = 10_000;
-/// Share of the draws outside of the interval.
+/// Share of the resamples outside the interval.
 pub(crate) const OUTSIDE: f64 = 0.05;
-/// The seed of the draws, so that the same files give the same words.
+/// Fixed, for reproducible verdicts.
 const SEED: u64 = 1;
 /// Beyond the library's own purposes.
 const DRAWS: Purpose = Purpose(1000);
 
-/// A value with the interval that its draws fall into.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Estimate {
     pub(crate) value: f64,
@@ -22,10 +21,10 @@ pub(crate) struct Estimate {
     pub(crate) high: f64,
 }
 
-/// What many seeds of several inputs are summed up by.
+/// How values are aggregated over seeds and inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Sum {
-    /// Ratios: the median of an input's, the geometric mean over inputs.
+    /// Ratios: median over seeds, geometric mean over inputs.
     Ratios,
     /// Differences of counts: means.
     Differences,
@@ -39,7 +38,6 @@ impl Sum {
         }
     }
 
-    /// Of the values of all inputs.
     fn of_all(self, each: impl ExactSizeIterator<Item = f64>) -> f64 {
         match self {
             Self::Ratios => mean(each.map(f64::ln)).exp(),
@@ -53,7 +51,7 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / n
 }
 
-/// The value over inputs, each with a value per seed, and the interval outside of which a share `outside` of the draws is.
+/// `inputs`: a value per seed. A share `outside` of the resamples lies outside the interval.
 pub(crate) fn estimate(inputs: &[Vec<f64>], sum: Sum, outside: f64) -> Estimate {
     let mut random = rng(SEED, 0, DRAWS);
     let mut drawn = Vec::new();
@@ -81,7 +79,7 @@ fn redraw(drawn: &mut Vec<f64>, values: &[f64], random: &mut Rng) {
     drawn.extend(values.iter().map(|_| values[random.below(values.len())]));
 }
 
-/// Whether so many independent ones can show a difference: all on one side by chance alone have to be rarer than the share outside.
+/// Whether this many independent pairs agree by chance more rarely than `outside`.
 pub(crate) fn enough(independent: usize, outside: f64) -> bool {
     0.5_f64.powi(independent as i32 - 1) <= outside
 }
@@ -105,7 +103,7 @@ mod tests {
         assert_eq!((all.value, all.low, all.high), (1.0, 1.0, 1.0));
     }
 
-    /// The interval of a mean is known: 1.96 standard deviations of it to both sides.
+    /// 1.96 standard deviations of the mean to both sides.
     #[test]
     fn the_interval_is_as_wide_as_theory_says() {
         let mut random = rng(7, 0, DRAWS);
@@ -115,7 +113,6 @@ mod tests {
         let width = (e.high - e.low) / (2.0 * 1.96 * deviation);
         assert!((0.9..1.1).contains(&width), "{width}");
         assert!(e.low < e.value && e.value < e.high);
-        // The same draws in every run.
         assert_eq!(e, estimate(&[values], Sum::Differences, OUTSIDE));
     }
 

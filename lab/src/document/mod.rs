@@ -1,7 +1,7 @@
-//! `lab document`: the tables of figures in the documents, written from result files alone.
+//! `lab document`: generates the tables in the documents from result files.
 //!
-//! A document holds `<!-- lab: NAME -->` and, after it, `<!-- /lab -->`; what is between them is made of `lab/results/NAME.jsonl`. `NAME 2` is the second
-//! table of that file; `NAME bare` is the table without the line that says where it is from.
+//! The text between `<!-- lab: NAME -->` and `<!-- /lab -->` is generated from `lab/results/NAME.jsonl`. `NAME 2` is the second table of
+//! that file; `NAME bare` omits the line about the table's origin.
 
 mod regions;
 
@@ -14,12 +14,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use stillpoint_files::write_atomic;
 
-/// Writes the tables of the documents from the files in lab/results.
+/// Writes the tables of the documents from the files in lab/results
 ///
-/// With --check nothing is written, and the exit code is 1 where a document differs from its files.
+/// With --check nothing is written, and the exit code is 1 if a document differs from its files.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Write nothing; exit code 1 where a document differs from its files
+    /// Write nothing; exit code 1 if a document differs from its files
     #[arg(long)]
     pub(crate) check: bool,
     /// The project's folder [default: this checkout]
@@ -27,12 +27,11 @@ pub(crate) struct Arguments {
     pub(crate) root: Option<PathBuf>,
 }
 
-/// The folder of the result files that documents show.
 fn results(root: &Path) -> PathBuf {
     root.join("lab/results")
 }
 
-/// Writes a result file that documents show, whole or not at all.
+/// Atomic.
 pub(crate) fn save(name: &str, lines: impl Iterator<Item = Line>) -> Result<(), Failure> {
     let folder = results(&origin::root());
     std::fs::create_dir_all(&folder)?;
@@ -57,7 +56,6 @@ pub(crate) fn write(file: &Path, text: &str) -> Result<(), Failure> {
     })
 }
 
-/// All documents: those of the book, and README.
 fn documents(root: &Path) -> Vec<PathBuf> {
     let (mut open, mut found) = (vec![root.join("docs")], vec![root.join("README.md")]);
     while let Some(folder) = open.pop() {
@@ -74,7 +72,6 @@ fn documents(root: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// What a region shows.
 fn render(root: &Path, region: &Region) -> Result<String, Failure> {
     let lines = read(&results(root).join(format!("{}.jsonl", region.name)))?;
     let all = runs(&lines);
@@ -100,7 +97,7 @@ fn render(root: &Path, region: &Region) -> Result<String, Failure> {
     })
 }
 
-/// The commands of a file in one.
+/// The file's origin, its commands joined.
 fn made(lines: &[Line]) -> Made {
     let mut all = lines.iter().filter_map(|l| match l {
         Line::Made(made) => Some(made.clone()),
@@ -113,7 +110,7 @@ fn made(lines: &[Line]) -> Made {
     })
 }
 
-/// The table of that number, and how it was made.
+/// The region's table, and its origin.
 fn nth_table(lines: &[Line], region: &Region) -> Result<(Made, Kept), Failure> {
     let (mut made, mut found): (Made, Vec<(Made, Kept)>) = (Made::default(), Vec::new());
     for line in lines {
@@ -142,11 +139,11 @@ fn nth_table(lines: &[Line], region: &Region) -> Result<(Made, Kept), Failure> {
     })
 }
 
-/// Where a table is from: command, commit, machine, seeds.
+/// The line about a table's origin: command, commit, machine, seeds.
 fn said(made: &Made, all: &[Run]) -> String {
     let each = |of: &dyn Fn(&Run) -> String| -> BTreeSet<String> { all.iter().map(of).collect() };
     let joined = |values: Vec<String>| (!values.is_empty()).then(|| values.join(" and "));
-    // A package of others has a version (`pyorbslam3==0.1.1`) in the place of a commit.
+    // Packages of other projects have a version (`pyorbslam3==0.1.1`) instead of a commit.
     let programs = each(&|r| r.commit.clone()).into_iter();
     let (others, own): (Vec<String>, Vec<String>) = programs.partition(|c| c.contains("=="));
     let own = joined(own).map(|own| match joined(others) {
@@ -182,7 +179,7 @@ fn said(made: &Made, all: &[Run]) -> String {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let root = arguments.root.clone().unwrap_or_else(origin::root);
-    // The table of constants shows its own results.
+    // The table of constants reads its result file itself.
     let mut shown = BTreeSet::from([constants::RESULT.to_owned()]);
     let (mut differ, mut tables) = (Vec::new(), 0);
     for file in documents(&root) {

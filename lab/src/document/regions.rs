@@ -1,37 +1,30 @@
-//! The regions of a document that are written from result files.
+//! The generated regions of a document.
 
 use crate::Failure;
 
-/// Begins a region, before the name of its result file.
 const BEGIN: &str = "<!-- lab: ";
-/// Ends the line that begins a region.
 const CLOSE: &str = " -->";
-/// Ends a region.
 const END: &str = "<!-- /lab -->";
 
-/// What a region shows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Region {
-    /// Name of the result file.
     pub(crate) name: String,
-    /// Which of its tables, from 1.
+    /// Number of the table in the file, from 1.
     pub(crate) number: usize,
-    /// Without the line that says where the table is from.
+    /// Without the line about the table's origin.
     pub(crate) bare: bool,
-    /// What is shown of runs, where it is not all of them.
+    /// View of the runs; `None` shows the whole table.
     pub(crate) view: Option<View>,
 }
 
-/// What is shown of runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum View {
     /// Errors, a column per variant.
     Variants,
-    /// The same, errors of the motion over 1 s.
+    /// Relative errors over 1 s, a column per variant.
     Motion,
     /// Times by stage.
     Stages,
-    /// Latency of live runs.
     Latency,
 }
 
@@ -73,7 +66,7 @@ impl Region {
     }
 }
 
-/// A text with the inside of its regions made anew.
+/// A text with the content of its regions replaced.
 pub(crate) fn replace(
     text: &str,
     mut render: impl FnMut(&Region) -> Result<String, Failure>,
@@ -100,7 +93,7 @@ pub(crate) fn replace(
             }
             Some((begun, inside)) => {
                 if bare == END {
-                    // A blank line ends the table, for every reader of Markdown.
+                    // In every dialect of Markdown a blank line ends the table.
                     fresh += &format!("{inside}\n");
                     fresh += line;
                     open = None;

@@ -1,6 +1,6 @@
-//! What tracking asks the allocator for, per frame that becomes no keyframe, by the parts of a frame: every part without the parts within it.
+//! Allocations of tracking by stage, without nested stages, per frame that becomes no keyframe.
 
-// The allocator of the whole program: what it adds to others is a count per call (a thousandth of a frame's time).
+// A global allocator, which costs other experiments a thousandth of a frame's time.
 #[path = "../../../crates/stillpoint/tests/counting.rs"]
 mod counting;
 
@@ -12,16 +12,16 @@ use std::process::ExitCode;
 use stillpoint::imaging::Simd;
 use stillpoint::slam::{Config, Event, System};
 
-/// Frames that are left out: until then the filter's history of 3.2 s fills.
+/// Skipped frames: until then the filter's history of 3.2 s fills.
 const STEADY: usize = 110;
 
-/// What tracking asks the allocator for, per frame that becomes no keyframe.
+/// Counts allocations of tracking, per frame that becomes no keyframe
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Simulated scene
     #[arg(default_value = "walking_xyz")]
     scene: String,
-    /// Frames, of which the first 110 are left out
+    /// Frames, of which the first 110 are skipped
     #[arg(long, default_value_t = 170)]
     frames: usize,
 }

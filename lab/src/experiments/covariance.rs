@@ -1,8 +1,8 @@
-//! Whether covariances of poses are honest: which shares of their intervals of 90 % hold the truth.
+//! Calibration of pose covariances: the share of 90 % intervals that contain the true value.
 //!
-//! A row per input. Single poses are those of `trajectory.txt`, brought to the truth as evo does, with the covariance from where the map began; beside them the control, without what the
-//! map is off by. Motions are over a second. Poses as known at each frame have the covariance that an EKF gets. The exit code is 1 where a coverage of places is not
-//! within its bar.
+//! A row per input. Single poses are those of `trajectory.txt`, aligned as evo does, with the covariance relative to the map's origin; the
+//! control leaves out the map's uncertainty. Motions are over one second. Poses known at each frame have the covariance for an EKF. The
+//! exit code is 1 if the coverage of positions is outside its bounds.
 
 use crate::Failure;
 use crate::experiments::shared::{code, next_readable, scene, timed, truth};
@@ -20,11 +20,11 @@ use stillpoint::slam::{
     covariance_of_motion,
 };
 
-/// Intervals of 90 % hold this share of the truths.
+/// Accepted coverage of 90 % intervals.
 const BAR: std::ops::RangeInclusive<f64> = 0.85..=0.95;
 /// Duration of motions, s: that of the field's relative pose errors (Sturm et al. 2012).
 const SECONDS: f64 = 1.0;
-/// All that the figures of `docs/health.md` are of: scenes with their seed.
+/// The inputs of `docs/health.md`: recordings, and scenes with their seed.
 const INPUTS: [&str; 13] = [
     "sim:xyz@1",
     "sim:rpy@1",
@@ -41,18 +41,17 @@ const INPUTS: [&str; 13] = [
     "kitchen",
 ];
 
-/// Whether covariances of poses are honest: which shares of their intervals of 90 % hold the truth.
+/// Measures the calibration of pose covariances: the share of 90 % intervals that contain the true value
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Scenes (sim:SCENE@SEED), names below the data folder, or paths
     #[arg(default_values = INPUTS)]
     inputs: Vec<String>,
-    /// Frames of every run, at most [default: all]
+    /// Maximum number of frames per run [default: all]
     #[arg(long)]
     frames: Option<usize>,
 }
 
-/// A run as it goes.
 struct Passage {
     system: System,
     log: CovarianceLog,
@@ -105,7 +104,7 @@ impl Passage {
     }
 }
 
-/// The poses that count, of the submap with most of them.
+/// The poses with enough inliers, of the submap with most of them.
 fn largest<I: Copy + Ord>(
     poses: Vec<(TrajectoryEntry, Se3)>,
     submap_of: &dyn Fn(stillpoint::map::KeyframeId) -> Option<I>,

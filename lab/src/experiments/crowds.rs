@@ -1,6 +1,6 @@
-//! Starts in a crowd: simulated scenes that begin among people who cover a quarter to half of the image, against exact poses.
+//! Starts in a crowd: scenes that begin with people covering a quarter to half of the image.
 //!
-//! A row per scene and contestant, with the median and the worst of the seeds. The exit code is 1 where a bar is missed.
+//! A row per scene and contestant, with the median and the worst of the seeds. The exit code is 1 if a bound is missed.
 
 use crate::Failure;
 use crate::experiments::shared::{
@@ -15,7 +15,7 @@ use stillpoint::imaging::Simd;
 use stillpoint::simulator::{DetectionNoise, Simulator};
 use stillpoint::slam::{Config, Preset, System};
 
-/// All scenes that begin in a crowd: a path each.
+/// All scenes that begin in a crowd, one per camera path.
 const SCENES: [&str; 7] = [
     "crowd_xyz",
     "crowd_static",
@@ -25,18 +25,18 @@ const SCENES: [&str; 7] = [
     "crowd_coat",
     "crowd_pitch",
 ];
-/// A frame that is off by more must not pass for right, m.
+/// Error above which a confident pose counts as wrong, m.
 const WRONG: f64 = 0.1;
-/// By how much the final poses of a run may be worse than those known at each frame, mm: what else is refined there errs by as much.
+/// Maximum by which final poses may be worse than online ones, mm: other refinement has errors of this size.
 const WORSE: f64 = 3.0;
 
-/// Starts in a crowd against exact poses, with a simulated detector and without.
+/// Evaluates starts in a crowd against exact poses, with a simulated detector and without
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Seeds of every scene
+    /// Seeds per scene
     #[arg(long, default_value_t = 10)]
     seeds: u64,
-    /// Frames of every run
+    /// Frames per run
     #[arg(long, default_value_t = 150)]
     frames: usize,
     /// Simulated scenes
@@ -44,14 +44,12 @@ pub(crate) struct Arguments {
     scenes: Vec<String>,
 }
 
-/// What is run over each scene.
 #[derive(Clone, Copy, PartialEq)]
 enum Contestant {
-    /// The default, with the simulated detector.
+    /// With the simulated detector.
     Detector,
-    /// The default, without one.
     Alone,
-    /// Control: without the static filter, and with it without anything that deals with a start among people.
+    /// Control: without the static filter and its handling of starts among people.
     Unfiltered,
 }
 
@@ -70,10 +68,10 @@ impl Contestant {
         }
     }
 
-    /// The worst error that is allowed in a scene, mm, and the least share of frames with a pose.
+    /// Maximum error, mm, and minimum share of frames with a pose.
     fn bars(self, scene: &str) -> (f64, f64) {
         if scene.ends_with("coat") || scene.ends_with("pitch") {
-            // They are slow, so that no frame needs to be lost.
+            // The camera is slow, so no frame needs to be lost.
             return (if self == Self::Detector { 15.0 } else { 20.0 }, 1.0);
         }
         let fast = scene.ends_with("150");
@@ -105,19 +103,17 @@ impl Contestant {
     }
 }
 
-/// What became of a run.
 struct Score {
     /// ATE of the final poses, mm.
     ate: f64,
-    /// The same of the poses as they were known at each frame, mm.
+    /// ATE of the poses known at each frame, mm.
     online: f64,
-    /// Share of the frames with a pose.
     poses: f64,
-    /// Frames that are off by more than [`WRONG`] in the end, and were neither undecided nor lost.
+    /// Frames above [`WRONG`] that were neither undecided nor lost.
     wrong: usize,
 }
 
-/// Runs all contestants over a scene, whose frames are rendered once.
+/// Runs all contestants on a scene; its frames are rendered once.
 fn measure(name: &str, seed: u64, frames: usize) -> Result<Vec<Score>, Failure> {
     let simulator = scene(name, seed, Some(frames))?;
     let noise = DetectionNoise {
@@ -157,7 +153,7 @@ fn score(
 ) -> Score {
     system.finish();
     let poses = final_poses(&system);
-    // A run that found hardly a pose has no error, and fails by its poses.
+    // Without enough poses there is no error, and the share of poses fails.
     let done = evaluate(truth, &poses, &EvalOptions::default()).ok();
     let wrong = done.iter().flat_map(|d| &d.ate.pairs);
     let wrong = wrong.filter(|p| p.error > WRONG && !undecided.contains(&p.stamp.to_bits()));
@@ -169,7 +165,7 @@ fn score(
     }
 }
 
-/// Adds the row of a contestant; whether its bars hold.
+/// Returns whether the contestant's bounds hold.
 fn add(table: &mut Table, scene: &str, contestant: Contestant, scores: &[&Score]) -> bool {
     let (bar, least) = contestant.bars(scene);
     let of = |f: fn(&Score) -> f64| spread(scores.iter().map(|s| f(s)));
@@ -209,7 +205,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         for (k, contestant) in CONTESTANTS.into_iter().enumerate() {
             let scores: Vec<&Score> = runs.iter().map(|scores| &scores[k]).collect();
             let met = add(&mut table, scene, contestant, &scores);
-            // The control is there to fail.
+            // The control must fail.
             holds &= met != (contestant == Contestant::Unfiltered);
         }
     }

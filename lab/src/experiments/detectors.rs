@@ -1,5 +1,5 @@
-//! How long detectors take: models x sizes of the input x runtimes x threads, with what comes before and after the network apart. Medians over rounds in
-//! which all of them take turns, so that what else the machine does meets all.
+//! Detection times: models x input sizes x runtimes x threads, with pre- and postprocessing separate. Medians over rounds in which all
+//! cases take turns, so that other load affects all alike.
 //!
 //! A `MODEL.toml` beside a model is its card.
 
@@ -17,39 +17,38 @@ use stillpoint::inference::{
     InputSize, ModelCard, OnnxDetector, OnnxOptions, OnnxRuntime, Runtime,
 };
 
-/// How long detectors take: models, sizes, runtimes and threads.
+/// Measures detection times: models, input sizes, runtimes and threads
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Models in the ONNX format
     #[arg(required = true)]
     models: Vec<String>,
-    /// Library of ONNX Runtime; without it, rten is timed alone
+    /// Library of ONNX Runtime; without it, only rten is measured
     #[arg(long)]
     library: Option<PathBuf>,
-    /// Sizes of the input
+    /// Input sizes
     #[arg(long, value_delimiter = ',', value_parser = size, default_value = "640x480,416x320,320x256")]
     sizes: Vec<(usize, usize)>,
     #[arg(long, value_delimiter = ',', default_value = "1,2")]
     threads: Vec<usize>,
-    /// Rounds, after two that do not count
+    /// Rounds, after two for warming up
     #[arg(long, default_value_t = 40)]
     rounds: usize,
-    /// Least score of a box; 0.6 for random weights, whose scores are all about 0.25
+    /// Minimum score of a box; 0.6 for random weights, whose scores are all about 0.25
     #[arg(long, default_value_t = OnnxOptions::default().score_threshold)]
     score: f32,
-    /// Image of a camera, PNG or JPEG; without it one of 640x480 px with a pattern
+    /// Camera image, PNG or JPEG [default: a pattern of 640x480 px]
     #[arg(long)]
     image: Option<PathBuf>,
 }
 
-/// One row of the table.
 struct Case {
     model: String,
     size: (usize, usize),
     threads: usize,
     detector: OnnxDetector,
     boxes: usize,
-    /// Letterbox, network, and what comes after it, ms.
+    /// Letterbox, network, and postprocessing, ms.
     times: [Vec<f64>; 3],
 }
 
@@ -103,7 +102,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A size such as `640x480`.
 fn size(text: &str) -> Result<(usize, usize), String> {
     let (width, height) = text
         .split_once('x')
@@ -150,7 +148,7 @@ impl Case {
         })
     }
 
-    /// Looks at the image once.
+    /// Detects once; `counts` records the times.
     fn run(&mut self, image: &ColourImage, counts: bool) -> Result<(), Failure> {
         spans::take();
         let start = Instant::now();
@@ -165,7 +163,7 @@ impl Case {
                 .sum::<f64>()
         };
         let (before, network) = (spent("letterbox"), spent("network"));
-        // Decoding, suppression of overlaps and the way back into the image.
+        // Decoding, non-maximum suppression and mapping back into the image.
         let after = all - before - network;
         if counts {
             for (times, time) in self.times.iter_mut().zip([before, network, after]) {
@@ -194,7 +192,7 @@ impl Case {
     }
 }
 
-/// An image without meaning, which costs what others do: no step looks at values but the decoding, which finds nothing.
+/// As costly as others: only decoding depends on values, and finds nothing.
 fn pattern(width: usize, height: usize) -> ColourImage {
     let data = (0..3 * width * height)
         .map(|i| (i * 7 % 251) as u8)

@@ -1,4 +1,4 @@
-//! How hard the simulated scenes are for a feature tracker, beside a real recording: freiburg1_xyz of the TUM RGB-D benchmark, when it is there.
+//! Difficulty of the simulated scenes for a feature tracker, compared with freiburg1_xyz of the TUM RGB-D benchmark, if available.
 
 use crate::Failure;
 use crate::experiments::shared::{pose_at, scene};
@@ -13,20 +13,19 @@ use stillpoint::geometry::{Camera, Se3, Vec2};
 use stillpoint::imaging::{FrameSource, RgbdFrame, Simd};
 use stillpoint::simulator::scene_names;
 
-/// How hard the simulated scenes are for a feature tracker, beside a real recording.
+/// Measures how hard the simulated scenes are for a feature tracker, compared with a real recording
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Frames of each of the five windows in which sequences are measured; tracks end at a window's end
     #[arg(long, default_value_t = 60)]
     window: usize,
-    /// Simulated scenes; all of them, and the recording, without any
+    /// Simulated scenes [default: all of them, and the recording]
     scenes: Vec<String>,
 }
 
-/// Sequences are measured in this many windows.
+/// Windows per sequence.
 const WINDOWS: usize = 5;
 
-/// Sums over the frames of one sequence.
 #[derive(Default)]
 struct Figures {
     frames: f64,
@@ -36,14 +35,13 @@ struct Figures {
     grey: f64,
     pairs: f64,
     matches: f64,
-    /// Matches with depth, and how many of them are within 2 and 4 px of where the true motion takes them.
+    /// Matches with depth, and those within 2 and 4 px of the true motion.
     with_depth: f64,
     within: [f64; 2],
     tracks: f64,
     track_frames: f64,
 }
 
-/// One frame's features with the lengths of their tracks.
 struct Seen {
     frame: RgbdFrame,
     features: Features,
@@ -70,7 +68,7 @@ impl Meter {
         }
     }
 
-    /// Takes the next frame; `first` when it begins a window. `pose` gives the true pose at a stamp.
+    /// `first` begins a window. `pose` returns the true pose at a stamp.
     fn add(&mut self, frame: RgbdFrame, first: bool, pose: &dyn Fn(f64) -> Option<Se3>) {
         let mut features = Features::default();
         self.extractor.extract(&frame.gray, &mut features);
@@ -97,7 +95,7 @@ impl Meter {
         });
     }
 
-    /// Matches two frames and extends the tracks of matches that agree with the true motion.
+    /// Matches two frames and extends tracks that agree with the true motion.
     fn compare(
         &mut self,
         last: &Seen,
@@ -207,7 +205,7 @@ fn measure_scene(name: &str, window: usize) -> Result<Vec<f64>, Failure> {
     Ok(meter.finish())
 }
 
-/// Features per 1000 px on movers and elsewhere, the movers' share of all features and their share of the image.
+/// Features per 1000 px on movers and elsewhere, movers' share of features and of the image.
 fn features_on_movers(name: &str) -> Result<[f64; 4], Failure> {
     let sim = scene(name, 0, None)?;
     let mut extractor = OrbExtractor::new(&OrbConfig::default(), Simd::detect());
@@ -248,7 +246,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
             folder.display()
         );
     }
-    // Where people walk, the camera's motion does not tell where a point goes.
+    // Where people walk, the camera's motion does not predict the motion of points.
     let (still, people): (Vec<&str>, Vec<&str>) = scenes
         .iter()
         .partition(|name| !name.contains('_') || name.starts_with("loop"));

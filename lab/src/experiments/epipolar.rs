@@ -1,4 +1,4 @@
-//! How far features of a scene lie from their epipolar lines: the distance D of preset `paper`, whose threshold is 1 px. In a static scene all of it is noise.
+//! Distances of features from their epipolar lines: D of preset `paper`, whose threshold is 1 px. In a static scene all of it is noise.
 //!
 //! A row per input, of its first 300 frames, without a detector.
 
@@ -12,7 +12,7 @@ use stillpoint::imaging::Simd;
 use stillpoint::recordings::{OpenOptions, open};
 use stillpoint::slam::{Config, Event, FilterParts, Preset, System};
 
-/// How far features lie from their epipolar lines.
+/// Measures the distances of features from their epipolar lines
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Data set folders or recordings
@@ -21,7 +21,6 @@ pub(crate) struct Arguments {
 }
 
 const FRAMES: usize = 300;
-/// Quantiles that are told.
 const SHARES: [f64; 5] = [0.5, 0.75, 0.9, 0.95, 0.99];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
@@ -47,7 +46,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// D of all features that have one, px, at most 4. Without boxes it is the risk that the preset gives a feature, and exactly 0 for those without a pair.
+/// D of all features that have one, px, at most 4. Without boxes D equals the preset's risk, which is exactly 0 without a match.
 fn distances(path: &Path) -> Result<Vec<f32>, Failure> {
     let input = open(path, &OpenOptions::default())?;
     let mut config = Config::default();

@@ -1,8 +1,8 @@
-//! How long tracking takes per frame, and its parts, without reading images and without a detector.
+//! Tracking time per frame, by stage, without reading images and without a detector.
 //!
-//! All passes do the same, to the bit. Of every frame and part the least time of the passes counts, so that who else uses the machine is left out as far
-//! as possible; said are the median, the 99 % quantile and the mean over the frames. The part `frame` holds the parts `extract` to `keyframe`; what is left
-//! of it is said as `rest`. Mapping takes place once per keyframe and is not in it.
+//! For every frame and stage the minimum over identical passes counts, to exclude other load; the table has the median, the 99 % quantile
+//! and the mean over the frames. `frame` contains the stages `extract` to `keyframe`, and `rest`, its remainder. Mapping, once per
+//! keyframe, is not included.
 
 use crate::Failure;
 use crate::experiments::shared::next_readable;
@@ -16,20 +16,18 @@ use stillpoint::imaging::{RgbdFrame, Simd, Workers};
 use stillpoint::recordings::{OpenOptions, open};
 use stillpoint::slam::{Config, System};
 
-/// The parts of a frame.
 const PARTS: [&str; 9] = [
     "extract", "depth", "flow", "motion", "filter", "match", "pose", "keyframe", "rest",
 ];
 
-/// How long tracking takes per frame, and its parts, without reading images.
+/// Measures the tracking time per frame, by stage, without reading images
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Data set folder or recording
     path: PathBuf,
-    /// Passes, of which the least times count
+    /// Passes, of which the minimum times count
     #[arg(long, default_value_t = 5)]
     passes: usize,
-    /// Frames, from the beginning
+    /// Number of frames, from the first
     #[arg(long, default_value_t = 300)]
     frames: usize,
     #[arg(long, default_value_t = 1)]
@@ -81,7 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Takes the lesser time of every part, with what is in none. What is not in a frame, or is a part of a part, is left out.
+/// Keeps the minimum time of every stage and of the remainder, without nested spans.
 fn keep_least(least: &mut BTreeMap<&'static str, f64>, now: &Times) {
     let Some(frame) = now.get(&("", "frame")) else {
         return;

@@ -1,7 +1,7 @@
-//! The work of one kernel, several times, on simulated images of 640x480: for those who count what it takes from outside, as `tools/arm/count.sh` does.
+//! Runs one kernel repeatedly on simulated images of 640x480, for external counting of instructions as in `tools/arm/count.sh`.
 //!
-//! What is prepared does not depend on how many times, so that the difference of two runs is the kernel alone. Says a number that depends on results.
-//! Images are rendered into a folder first, which takes longer than what is counted.
+//! Preparation is independent of the number of repetitions, so the difference of two runs is the kernel alone. Prints a digest of the
+//! results. A separate run renders the images, which takes longer than the kernels.
 
 use crate::Failure;
 use crate::experiments::shared::scene;
@@ -22,17 +22,16 @@ use stillpoint::place::Vocabulary;
 use stillpoint::simulator::SimulatorConfig;
 use stillpoint::slam::{Config, System};
 
-/// The work of one kernel, several times, to be counted from outside.
+/// Runs one kernel repeatedly, for external counting of instructions
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Where the images are
     folder: PathBuf,
-    /// Renders the images; what works on them comes later
+    /// Only render the images
     #[arg(long)]
     render: bool,
     #[arg(value_enum, required_unless_present = "render")]
     kernel: Option<Kernel>,
-    /// Without vectors
+    /// Without SIMD
     #[arg(long)]
     scalar: bool,
     #[arg(long, default_value_t = 1)]
@@ -51,17 +50,16 @@ enum Kernel {
     Flow,
     Distances,
     Words,
-    /// Into a surface
+    /// Fusion into a surface
     Fuse,
-    /// Tracking and mapping of as many frames of a walk, 24 at most
+    /// Tracking and mapping of this many frames of a walk, at most 24
     Frame,
 }
 
-/// Frames that are rendered for `frame`.
 const FRAMES: usize = 24;
 /// Bytes of a file before its images.
 const HEAD: usize = 8 * 17;
-/// Features wanted of each level, as the extractor wants them.
+/// Features per level, the extractor's quotas.
 const QUOTAS: [usize; 8] = [323, 224, 156, 108, 75, 52, 36, 25];
 
 struct Task {
@@ -101,7 +99,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes every frame to a file of its own: stamp and pose of its depth, depths, colours.
+/// Writes each frame to a file: stamp and pose of its depth, depths, colours.
 fn render(folder: &Path) -> Result<ExitCode, Failure> {
     let simulator = scene("walking_xyz", 0, Some(FRAMES))?;
     std::fs::create_dir_all(folder)?;
@@ -119,7 +117,7 @@ fn render(folder: &Path) -> Result<ExitCode, Failure> {
 }
 
 impl Task {
-    /// What [`render`] wrote, with the pose.
+    /// Reads a frame written by [`render`], with its pose.
     fn posed(&self, index: usize) -> Result<(RgbdFrame, Se3), Failure> {
         let bytes = std::fs::read(self.folder.join(index.to_string()))?;
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
@@ -156,7 +154,7 @@ impl Task {
         Ok(self.posed(index)?.0)
     }
 
-    /// Does something so many times; the last number that it gave.
+    /// Returns the last result.
     fn repeat(&self, mut step: impl FnMut() -> u64) -> u64 {
         (0..self.times).fold(0, |_, _| step())
     }
@@ -170,7 +168,7 @@ impl Task {
         }))
     }
 
-    /// Eight levels.
+    /// Builds or smooths a pyramid of eight levels.
     fn pyramid(&self, smooth: bool) -> Result<u64, Failure> {
         let image = self.frame(0)?.gray;
         let mut pyramid = Pyramid::new(8, 1.2, self.simd);
@@ -185,7 +183,7 @@ impl Task {
         }))
     }
 
-    /// On eight levels.
+    /// A stage of feature extraction, on eight levels.
     fn stages(&self, kernel: Kernel) -> Result<u64, Failure> {
         let mut pyramid = Pyramid::new(8, 1.2, self.simd);
         pyramid.build(&self.frame(0)?.gray);
@@ -218,7 +216,7 @@ impl Task {
         }))
     }
 
-    /// From one frame to the next, and back.
+    /// Flow from one frame to the next, and back.
     fn flow(&self) -> Result<u64, Failure> {
         let mut extractor = OrbExtractor::new(&OrbConfig::default(), self.simd);
         let (mut features, mut second) = <(Features, Features)>::default();
@@ -234,7 +232,7 @@ impl Task {
         }))
     }
 
-    /// Distances of all pairs, or words of all.
+    /// Distances of all pairs of descriptors, or visual words of all.
     fn descriptors(&self, words: bool) -> Result<u64, Failure> {
         let mut features = Features::default();
         OrbExtractor::new(&OrbConfig::default(), self.simd)
@@ -251,7 +249,7 @@ impl Task {
         }))
     }
 
-    /// Frames into a surface, from where they were taken; the first two are there already.
+    /// Fuses frames at true poses, after two that are already in the map.
     fn fuse(&self) -> Result<u64, Failure> {
         let mut fuser = Fuser::new(&DenseConfig::default(), &self.camera, self.simd)?;
         for index in [0, 3] {
@@ -282,7 +280,7 @@ impl Task {
     }
 }
 
-/// One number that depends on all (FNV).
+/// FNV.
 fn digest(numbers: impl Iterator<Item = u64>) -> u64 {
     numbers.fold(0xcbf2_9ce4_8422_2325, |hash, number| {
         (hash ^ number).wrapping_mul(0x100_0000_01b3)

@@ -1,7 +1,7 @@
-//! What loop closing gains, and every loop against the truth: rendered scenes or recordings, each with looping and without.
+//! Benefit of loop closure, and evaluation of every loop: rendered scenes or recordings, with and without loop closure.
 //!
-//! The table has a row per scene, with true and false loops and the odds that speak for them. Its exit code is 1 when a false loop is closed, or when of 100
-//! runs with few keyframes, fast steps and wide baselines fewer than 95 close a true one.
+//! The table has a row per scene, with true and false loops and their odds. The exit code is 1 if a false loop is closed, or if a true loop
+//! is closed in less than 95 of 100 runs with few keyframes, fast motion and wide baselines.
 
 use crate::Failure;
 use crate::experiments::shared::{ate_mm, code, each_seed, map_poses, scene, timed, truth};
@@ -16,7 +16,7 @@ use stillpoint::imaging::{FrameSource, RgbdFrame, Simd};
 use stillpoint::simulator::Simulator;
 use stillpoint::slam::{Config, LoopOutcome, LoopReport, System};
 
-/// What loop closing gains, and every loop against the truth.
+/// Measures the benefit of loop closure, and evaluates every loop
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
@@ -27,20 +27,20 @@ pub(crate) struct Arguments {
 enum What {
     /// True and false loops of all scenes
     Table {
-        /// Seeds of every scene
+        /// Seeds per scene
         #[arg(long, default_value_t = 10)]
         seeds: u64,
-        /// In place of the setting `looping.min_odds`
+        /// Replaces the setting `looping.min_odds`
         #[arg(long)]
         min_odds: Option<f64>,
-        /// Frames of every scene, before some are left out; its own length without it
+        /// Frames per scene, before subsampling [default: the whole scene]
         #[arg(long)]
         frames: Option<usize>,
         /// One row, as SCENE.EVERY, or `hard` for those in which a loop has to be closed
         #[arg(long)]
         only: Option<String>,
     },
-    /// Every loop of a simulated scene, with looping and without
+    /// Every loop of a simulated scene, with loop closure and without
     Scene {
         #[arg(default_value = "loop_two_rooms")]
         name: String,
@@ -48,10 +48,10 @@ enum What {
         first_seed: u64,
         #[arg(long, default_value_t = 5)]
         seeds: u64,
-        /// Frames, before some are left out; the scene's own length without it
+        /// Frames, before subsampling [default: the whole scene]
         #[arg(long)]
         frames: Option<usize>,
-        /// Takes every so many frames
+        /// Use every n-th frame
         #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
         every: u32,
     },
@@ -90,7 +90,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     }
 }
 
-/// A system and the time that its steps took.
 struct Contestant {
     system: System,
     seconds: f64,
@@ -143,7 +142,7 @@ impl Contestant {
     }
 }
 
-/// Runs of the table: a scene, every so many frames, and whether a true loop has to be closed in it although few keyframes or wide baselines make that hard.
+/// Scene, frame interval, and whether a true loop has to be closed despite few keyframes or wide baselines.
 const TABLE: [(&str, usize, bool); 11] = [
     ("loop_two_rooms", 2, false),
     ("loop_in_haste", 1, false),
@@ -157,20 +156,20 @@ const TABLE: [(&str, usize, bool); 11] = [
     ("loop_in_haste", 3, true),
     ("loop_in_haste", 4, true),
 ];
-/// A motion that is off by less is one to the same place, m: others are off by 2 m and more.
+/// Maximum error of edges between views of one place, m: others are off by 2 m and more.
 const SAME_PLACE_M: f64 = 0.5;
-/// Share of the hard runs in which a true loop has to be closed.
+/// Minimum share of hard runs in which a true loop is closed.
 const BAR: f64 = 0.95;
 
-/// Motions of one kind in a row of the table: of the same place, exact or not, or of another.
+/// Edges of the same place, exact or not, or of another.
 #[derive(Default)]
 struct Edges {
     closed: usize,
     /// Runs in which one was closed.
     runs: usize,
-    /// Of the same place, but off by more than 10 cm or 5 degrees.
+    /// Of the same place, but with an error above 10 cm or 5 degrees.
     inexact: usize,
-    /// Decimal logarithms of the odds that spoke for them.
+    /// Decimal logarithms of their odds.
     odds: Vec<f64>,
 }
 
@@ -181,7 +180,6 @@ impl Edges {
         self.odds.extend(evidence);
     }
 
-    /// The least and the greatest of the odds.
     fn range(&self) -> String {
         let [_, least, most] = spread(self.odds.iter().copied());
         match self.odds.len() {
@@ -191,7 +189,7 @@ impl Edges {
     }
 }
 
-/// One run of the table: candidates with a motion, and the true one from the keyframe to the one it is with.
+/// Loop candidates with an edge, and the true transform between their keyframes.
 fn run_of_table(
     simulator: &Simulator,
     every: usize,
@@ -210,7 +208,7 @@ fn run_of_table(
     Ok(loops.collect())
 }
 
-/// Edges of a row: right ones, and wrong ones. Says what was closed that is not right.
+/// True and false edges. Prints closed loops that are inexact or false.
 fn sort(runs: &[Vec<(Se3, Se3, LoopReport)>], row: &str) -> [Edges; 2] {
     let (mut right, mut wrong) = (Edges::default(), Edges::default());
     for (seed, loops) in runs.iter().enumerate() {
@@ -236,7 +234,6 @@ fn sort(runs: &[Vec<(Se3, Se3, LoopReport)>], row: &str) -> [Edges; 2] {
     [right, wrong]
 }
 
-/// Prints the table, with so many seeds a row.
 fn table(
     seeds: u64,
     frames: Option<usize>,
@@ -284,13 +281,13 @@ fn table(
     Ok(code(met))
 }
 
-/// Whether an edge is no farther than 10 cm and 5 degrees from the truth.
+/// Within 10 cm and 5 degrees of the ground truth.
 fn is_true(with_from_keyframe: Se3, edge: Se3) -> bool {
     let off = with_from_keyframe.inverse() * edge;
     off.translation.norm() <= 0.1 && off.rotation.angle().to_degrees() <= 5.0
 }
 
-/// Says what became of a candidate; returns whether a loop was closed that is farther than 10 cm or 5 degrees from the truth.
+/// Prints a candidate; returns whether it was closed with an error above 10 cm or 5 degrees.
 fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
     let error = l.edge.map(|edge| {
         let error = with_from_keyframe.inverse() * edge;
@@ -325,7 +322,7 @@ fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
     l.outcome == LoopOutcome::Closed && !l.edge.is_some_and(|e| is_true(with_from_keyframe, e))
 }
 
-/// Runs a recording three times; the third run must give the bytes of the second.
+/// The third run must give the same bytes as the second.
 fn recording(folder: &Path) -> Result<ExitCode, Failure> {
     let dataset = Dataset::open(folder, &OpenOptions::default())?;
     let camera = dataset.camera().camera;
@@ -359,7 +356,7 @@ fn recording(folder: &Path) -> Result<ExitCode, Failure> {
     Ok(code(same))
 }
 
-/// Runs a scene with looping and without, seed by seed: times are told.
+/// Runs a scene with loop closure and without; prints times.
 fn of_scene(
     name: &str,
     seeds: std::ops::Range<u64>,

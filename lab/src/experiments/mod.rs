@@ -1,4 +1,4 @@
-//! Experiments: one module per question, each with its arguments and a function `run`. What an experiment prints is its result.
+//! Experiments: one module per question, with arguments and a function `run`, which prints the result.
 
 pub(crate) mod allocations;
 pub(crate) mod closing;

@@ -1,4 +1,4 @@
-//! Tracked people against the simulator's truth: scenes with a detector that misses 30 %.
+//! Tracked people compared with ground truth: scenes with a detector that misses 30 %.
 //!
 //! A row per scene, with the median over the seeds and, in brackets, the worst.
 
@@ -14,7 +14,6 @@ use stillpoint::imaging::Simd;
 use stillpoint::simulator::{DetectionNoise, FrameTruth};
 use stillpoint::slam::{Config, Event, FrameReport, System};
 
-/// Scenes with people.
 const SCENES: [&str; 7] = [
     "walking_xyz",
     "walking_static",
@@ -24,27 +23,27 @@ const SCENES: [&str; 7] = [
     "crowd_xyz",
     "crowd_static",
 ];
-/// People of whom less is seen need not be found, px: as `eval --objects` has it.
+/// Minimum visible area of a person who must be found, px; the value of `eval --objects`.
 const LEAST_VISIBLE: usize = 1500;
 
-/// With `--alarms`: the probability that a frame has one.
+/// With `--alarms`: probability of a false alarm per frame.
 const FALSE_ALARM: f64 = 0.1;
-/// With `--bursts`: the probability that a burst of misses begins for somebody in a frame, one in 7 s at 30 Hz.
+/// With `--bursts`: probability per person and frame that a burst of misses begins, one in 7 s at 30 Hz.
 const BURST: f64 = 0.005;
 
-/// Tracks of simulated people, who are missed in 30 % of the frames, against the truth.
+/// Evaluates tracks of simulated people, who are missed in 30 % of the frames
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Seeds of every scene
+    /// Seeds per scene
     #[arg(long, default_value_t = 5)]
     seeds: u64,
-    /// Frames of every run
+    /// Frames per run
     #[arg(long, default_value_t = 300)]
     frames: usize,
-    /// The detector has false alarms as well
+    /// Add false alarms of the detector
     #[arg(long)]
     alarms: bool,
-    /// The detector has bursts of misses as well
+    /// Add bursts of misses of the detector
     #[arg(long)]
     bursts: bool,
     /// Simulated scenes
@@ -52,7 +51,6 @@ pub(crate) struct Arguments {
     scenes: Vec<String>,
 }
 
-/// People of the truth and of the report, side by side.
 fn compared(truth: &FrameTruth, report: &FrameReport) -> TrackFrame {
     let mut frame = TrackFrame {
         stamp: report.stamp,
@@ -87,7 +85,6 @@ fn compared(truth: &FrameTruth, report: &FrameReport) -> TrackFrame {
     frame
 }
 
-/// How well people were followed in a scene.
 fn measure(
     name: &str,
     seed: u64,
@@ -120,7 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let mut table = Table::new("scene | MOTA | IDF1 | HOTA | switches | ids of 2 people | ghosts per frame | speed error, m/s".split(" | "));
     for scene in &arguments.scenes {
         let scores = each_seed(seeds, |seed| measure(scene, seed, frames, &noise))?;
-        // Of what should be great the least is the worst, and the other way round.
+        // The worst is the minimum of figures that should be large, else the maximum.
         let cell = |digits: usize, worst: usize, f: &dyn Fn(&TrackScore) -> f64| {
             let spread = spread(scores.iter().map(f));
             format!("{:.digits$} ({:.digits$})", spread[0], spread[worst])

@@ -1,6 +1,6 @@
-//! What is estimated of a rolling shutter, and what the static filter costs where nothing moves: simulated turns with known readouts.
+//! Estimated readout time, and cost of the static filter in static scenes: simulated turns with known readout times.
 //!
-//! A row per scene and true readout. The exit code is 1 where a bar is missed.
+//! A row per scene and true readout time. The exit code is 1 if a bound is missed.
 
 use crate::Failure;
 use crate::experiments::shared::{ate_mm, code, each_seed, map_poses, truth, verdict};
@@ -10,24 +10,24 @@ use stillpoint::imaging::Simd;
 use stillpoint::simulator::{Shutter, Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Event, Preset, System};
 
-/// Readouts of the table, s: a global shutter, and rolling ones.
+/// True readout times, s: a global shutter, and rolling ones.
 const READOUTS: [f64; 3] = [0.0, 0.01, 0.02];
 /// All turns of the simulator's rpy paths.
 const SCENES: [&str; 4] = ["rpy", "rpy_60", "rpy_100", "rpy_150"];
-/// The median of the estimated readouts may be off by this, s.
+/// Maximum error of the median estimated readout time, s.
 const BIAS: f64 = 3e-3;
-/// The filter may reject this share of what stands still.
+/// Maximum share of static features that the filter rejects.
 const REJECTED: f64 = 0.02;
-/// The error with the filter may be this factor of the error without it.
+/// Maximum ratio of the errors with and without the filter.
 const COST: f64 = 1.03;
 
-/// What is estimated of a rolling shutter, and what the static filter costs where nothing moves.
+/// Evaluates the estimated readout time of a rolling shutter, and the cost of the static filter in static scenes
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Seeds of every scene
+    /// Seeds per scene
     #[arg(long, default_value_t = 10)]
     seeds: u64,
-    /// Frames of every run
+    /// Frames per run
     #[arg(long, default_value_t = 150)]
     frames: usize,
     /// Simulated turns
@@ -35,7 +35,7 @@ pub(crate) struct Arguments {
     scenes: Vec<String>,
 }
 
-/// A system, and the features that it looked at and rejected.
+/// A system, and its counts of examined and rejected features.
 struct Contestant {
     system: System,
     features: f64,
@@ -54,15 +54,14 @@ impl Contestant {
     }
 }
 
-/// What a run says: with the filter and without.
+/// Results of a run, with the filter and without.
 struct Row {
-    /// Estimated readout, s.
+    /// Estimated, s.
     readout: [f64; 2],
-    /// What the estimate says that it may be wrong by, s.
+    /// Standard deviation of the estimate, s.
     sigma: f64,
     /// ATE, mm.
     ate: [f64; 2],
-    /// Share of the features that the filter rejected.
     rejected: f64,
 }
 
@@ -108,7 +107,7 @@ fn measure(scene: &str, seed: u64, frames: usize, readout: f64) -> Result<Row, F
     })
 }
 
-/// Adds a row; whether its bars hold.
+/// Returns whether the row's bounds hold.
 fn add(table: &mut Table, scene: &str, readout: f64, rows: &[Row]) -> bool {
     let of = |f: &dyn Fn(&Row) -> f64| spread(rows.iter().map(f));
     let ms = |k: usize| median_and_range(rows.iter().map(|r| 1e3 * r.readout[k]), 1);

@@ -1,10 +1,9 @@
-//! A long run: a simulated camera walks through the same two rooms again and again, in a map with a limit on its keyframes. Tells, for
-//! every minute of camera time, memory, time per frame and error, and whether the last minute is worse than the second: then the exit code is 1.
+//! A long run: a simulated camera walks repeatedly through the same two rooms, in a map with limited keyframes. Prints memory, time per
+//! frame and error per minute of camera time. The exit code is 1 if the last minute is worse than the second.
 //!
-//! Images have 320x240 px. With a surface fused beside the run, what it takes is told, and is part of the memory that is judged.
-//! The driver is the inline one, so that poses and map are the same on every machine. Time per frame is the time that the thread
-//! computed, without rendering. Who else uses the machine slows it all the same; so it is compared by the time that the features of
-//! one and the same image take in between.
+//! Images have 320x240 px. The memory of a surface fused in the same run is also judged. The driver is inline, so poses and map are
+//! reproducible. Time per frame is CPU time without rendering, relative to interleaved feature extractions from one fixed image, because
+//! other load still slows it.
 
 use crate::Failure;
 use crate::experiments::shared::process::{computed, memory_mb};
@@ -19,45 +18,42 @@ use stillpoint::imaging::{FrameId, GrayImage, Simd};
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Subscriber, System};
 
-/// Whether memory, time or error grow on a long walk through the same two rooms.
+/// Tests whether memory, time or error grow on a long walk through the same two rooms
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Minutes of camera time
     #[arg(long, default_value_t = 10)]
     minutes: usize,
-    /// Frames per second, of 30 that are simulated
+    /// Frames per second, of the 30 that are simulated
     #[arg(long, default_value_t = 15.0)]
     rate: f64,
-    /// Keyframes of the map, at most
+    /// Maximum number of keyframes in the map
     #[arg(long, default_value_t = 200)]
     max_keyframes: usize,
-    /// Fuses a surface, whose kept frames may take so many MB
+    /// Also fuse a surface, with this limit on the memory of its stored frames, MB
     #[arg(long)]
     dense_mb: Option<f64>,
-    /// Seed of the run
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
 
-/// How much worse than the second minute the last one may be.
+/// Maximum ratio between the last minute and the second.
 const TOLERANCE: f64 = 1.1;
 
-/// Frames per second of the simulator.
 const RATE: f64 = 30.0;
 
-/// What was measured in one minute of camera time.
 struct Minute {
     memory_mb: f64,
     median_ms: f64,
     p95_ms: f64,
-    /// Time for the features of always the same image, median.
+    /// Median time to extract the features of the fixed image.
     unit_ms: f64,
     ate_mm: f64,
     keyframes: usize,
     landmarks: usize,
     landmark_ids: usize,
     lost: usize,
-    /// Of the surface.
+    /// Memory of the surface.
     dense_mb: f64,
 }
 
@@ -88,7 +84,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         simulator.len() as f64 / RATE,
         RATE / stride as f64
     );
-    // Rows are printed as they come: a run takes hours.
+    // Rows are printed immediately: a run takes hours.
     println!(
         "| minute | memory, MB | median, ms | p95, ms | unit, ms | ATE, mm | keyframes | landmarks | of ever made | lost | dense, MB |"
     );
@@ -125,7 +121,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(verdict(&all))
 }
 
-/// Walks for a minute.
 fn walk(
     (system, dense): (&mut System, &mut Option<Dense>),
     simulator: &Simulator,
@@ -174,7 +169,6 @@ fn walk(
     })
 }
 
-/// Compares the last minute with the second.
 fn verdict(all: &[Minute]) -> ExitCode {
     let [_, second, .., last] = all else {
         println!("no verdict: less than three minutes");
@@ -204,7 +198,7 @@ fn verdict(all: &[Minute]) -> ExitCode {
     code(holds)
 }
 
-/// Work that is always the same.
+/// A constant workload.
 struct Unit {
     extractor: OrbExtractor,
     image: GrayImage,

@@ -1,6 +1,5 @@
-//! `lab sweep`: input x variant x seed, a line of a result file per run.
-//!
-//! Every run is a process of its own. What is in the file already is not run again, so a sweep that was stopped goes on where it was.
+//! `lab sweep`: input x variant x seed, a process and a line of a result file per run. Existing runs are skipped, so a sweep can be
+//! resumed.
 
 pub(crate) mod prepared;
 pub(crate) mod program;
@@ -20,61 +19,61 @@ use std::time::{Duration, Instant};
 
 /// Stands for the input's folder in the options of a variant.
 const PLACE: &str = "{}";
-/// Among the options of a variant: the input is played as a camera, at its own rate.
+/// Option of a variant: the input is replayed as a live camera, in real time.
 const LIVE: &str = "--live";
 
-/// Runs the program over input x variant x seed and writes a line per run.
+/// Runs the program over input x variant x seed and writes a line per run
 ///
-/// Exit code 1 where a run crashed or timed out.
+/// Exit code 1 if a run crashed or timed out.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// sim:SCENE (rendered with the run's seed), sim:SCENE@SEED, names below the data folder, paths; `sim:` and `data:` alone are all of a kind
+    /// sim:SCENE (rendered with the run's seed), sim:SCENE@SEED, names below the data folder, or paths; `sim:` and `data:` alone are all of
+    /// a kind
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<String>,
-    /// Options of `stillpoint run`, divided by blanks; {} stands for the input's folder, --live plays it as a camera. Without --detector there is none [default:
-    /// default=]
+    /// Options of `stillpoint run`, separated by spaces; {} stands for the input's folder, --live replays it as a camera. No detector
+    /// without --detector [default: default=]
     #[arg(
         long = "variant",
         value_name = "NAME=OPTIONS",
         allow_hyphen_values = true
     )]
     variants: Vec<String>,
-    /// Seeds of every input and variant
+    /// Seeds per input and variant
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: u64,
     /// The first seed
     #[arg(long, default_value_t = 0)]
     first_seed: u64,
-    /// The first N frames only
+    /// Only the first N frames
     #[arg(long, value_name = "N")]
     frames: Option<u64>,
-    /// The program `stillpoint` that is measured [default: target/release/stillpoint of this checkout]
+    /// The measured program `stillpoint` [default: target/release/stillpoint of this checkout]
     #[arg(long, value_name = "FILE")]
     program: Option<PathBuf>,
-    /// The program that renders scenes, so that two versions see the same images [default: the one that is measured]
+    /// The program that renders scenes, for comparing two versions on the same images [default: the measured program]
     #[arg(long, value_name = "FILE")]
     renderer: Option<PathBuf>,
-    /// The commit that the program was built of [default: of the checkout that it lies in]
+    /// Commit of the program [default: that of the checkout it lies in]
     #[arg(long)]
     commit: Option<String>,
-    /// Runs at once; 1 where times matter [default: number of cores]
+    /// Parallel runs; 1 to measure times [default: number of cores]
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
-    /// A run that takes longer is ended, s
+    /// Maximum duration of a run, s
     #[arg(long, value_name = "S", default_value_t = 1800)]
     timeout: u64,
-    /// Run those again that failed
+    /// Repeat failed runs
     #[arg(long)]
     retry: bool,
-    /// The result file, which is gone on with
+    /// Result file, which is continued if it exists
     #[arg(long, value_name = "FILE.jsonl", default_value = "out/lab/runs.jsonl")]
     out: PathBuf,
-    /// Scratch files [default: target/lab of this checkout]
+    /// Folder for scratch files [default: target/lab of this checkout]
     #[arg(long, value_name = "DIR")]
     work: Option<PathBuf>,
 }
 
-/// A name and options of `stillpoint run`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Variant {
     name: String,
@@ -110,12 +109,12 @@ impl Variant {
     }
 }
 
-/// How `stillpoint` is run, whatever over.
+/// Configuration of runs of `stillpoint`, independent of their input.
 #[derive(Clone, Debug)]
 pub(crate) struct Bench {
     pub(crate) program: Program,
     pub(crate) renderer: Program,
-    /// Of the program, and of the one that renders.
+    /// Hash of the program; of the renderer below.
     pub(crate) hash: String,
     pub(crate) renderer_hash: String,
     pub(crate) commit: String,
@@ -125,7 +124,7 @@ pub(crate) struct Bench {
 }
 
 impl Bench {
-    /// The program of a checkout where none is named.
+    /// `program` defaults to that of this checkout.
     pub(crate) fn new(
         program: Option<&Path>,
         commit: Option<&str>,
@@ -135,7 +134,7 @@ impl Bench {
         let own = || origin::root().join("target/release/stillpoint");
         let path = program.map_or_else(own, Path::to_owned);
         let hash = origin::hash(&path)?;
-        // A name without a folder would be looked for in PATH.
+        // A name without a folder would be searched in PATH.
         let path = path.canonicalize()?;
         let folder = path.parent().unwrap_or(&path);
         let program = Program {
@@ -156,7 +155,7 @@ impl Bench {
         })
     }
 
-    /// One run. Whatever keeps it from its figures is its error.
+    /// Any failure is stored as the run's error.
     pub(crate) fn once(&self, key: Key, prepared: &Prepared) -> Run {
         let mut seconds = 0.0;
         let result = self.measure(&key, prepared, &mut seconds);
@@ -176,7 +175,7 @@ impl Bench {
         }
     }
 
-    /// The figures of a run; `seconds` becomes what the process took, however it ended.
+    /// Sets `seconds` to the duration of the process, even on failure.
     fn measure(
         &self,
         key: &Key,
@@ -212,19 +211,18 @@ impl Bench {
     }
 }
 
-/// A run that is to be made.
 struct Task {
     key: Key,
     prepared: Arc<Prepared>,
 }
 
-/// All runs, those of one rendered scene side by side.
+/// All runs, grouped by rendered scene.
 fn tasks(a: &Arguments, bench: &Bench) -> Result<Vec<Task>, Failure> {
     let (inputs, variants) = (inputs::parse(&a.inputs)?, Variant::all(&a.variants)?);
     let mut tasks = Vec::new();
     for input in &inputs {
         let seeds = a.first_seed..a.first_seed + a.seeds;
-        // A scene with a seed of its own, and a folder, are the same for all seeds.
+        // All seeds share a folder, or a scene with a fixed seed.
         let fixed = !matches!(input, Input::Scene { seed: None, .. });
         let mut shared: Option<Arc<Prepared>> = None;
         for seed in seeds {
@@ -263,7 +261,7 @@ pub(crate) fn run(a: &Arguments) -> Result<ExitCode, Failure> {
         bench.renderer_hash = origin::hash(renderer)?;
         bench.renderer.path = renderer.canonicalize()?;
     }
-    // Scenes of two sweeps at once are not each other's.
+    // Simultaneous sweeps must not share rendered scenes.
     let scratch = tempfile::Builder::new()
         .prefix("sweep-")
         .tempdir_in(&bench.work)?;
@@ -297,7 +295,6 @@ pub(crate) fn run(a: &Arguments) -> Result<ExitCode, Failure> {
         lines.push(line);
         Ok(())
     })?;
-    // As planned, and not as they came.
     let made = runs(&lines);
     let of = |key: &Key| made.iter().find(|r| r.key == *key).cloned();
     let mine: Vec<Run> = planned.iter().filter_map(of).collect();
@@ -313,7 +310,7 @@ pub(crate) fn run(a: &Arguments) -> Result<ExitCode, Failure> {
     })
 }
 
-/// Makes runs, so many at once as the bench says, and hands over each line as it comes.
+/// Makes runs in parallel, and passes each line to `take` as it comes.
 fn carry_out(
     bench: &Bench,
     tasks: Vec<Task>,
@@ -338,7 +335,7 @@ fn carry_out(
             });
         }
         drop(sender);
-        // Where a line cannot be written the receiver is dropped, and the others end after the run at hand.
+        // If a line cannot be written, the receiver is dropped, and other threads stop after their run.
         for (i, run) in receiver.into_iter().enumerate() {
             if run.error.is_none() {
                 eprintln!("{}/{count} {}", i + 1, said(&run));
@@ -349,7 +346,6 @@ fn carry_out(
     })
 }
 
-/// A run in a line.
 pub(crate) fn said(run: &Run) -> String {
     let key = &run.key;
     let head = format!("{} {} seed {}", key.input, key.variant, key.seed);

@@ -1,4 +1,4 @@
-//! An input as the runs take it: a folder or a recording, and its ground truth. Scenes are rendered when the first run asks for them, and removed after the last.
+//! A folder or recording with its ground truth, shared by runs. Scenes are rendered before the first run and removed after the last.
 
 use super::program::Program;
 use crate::Failure;
@@ -7,22 +7,17 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use stillpoint::evaluation::TimedPose;
 
-/// An input that several runs share.
 #[derive(Debug)]
 pub(crate) struct Prepared {
     input: Input,
-    /// The run's seed, which a scene is rendered with that names none.
+    /// Seed of a scene without a seed of its own.
     seed: u64,
-    /// The first so many frames only.
     frames: Option<u64>,
-    /// Where a scene is rendered.
     place: PathBuf,
-    /// Whether it stays there.
     keep: bool,
     ready: OnceLock<Result<Ready, String>>,
 }
 
-/// What a run needs of it.
 #[derive(Debug)]
 pub(crate) struct Ready {
     pub(crate) path: PathBuf,
@@ -30,7 +25,7 @@ pub(crate) struct Ready {
 }
 
 impl Prepared {
-    /// Nothing is rendered yet. `work` is where scenes go; with `keep` they stay, and what is there is not rendered again.
+    /// Renders nothing yet. With `keep`, scenes in `work` stay and are reused.
     pub(crate) fn new(
         input: Input,
         seed: u64,
@@ -54,7 +49,7 @@ impl Prepared {
         }
     }
 
-    /// Renders a scene and reads the ground truth, once; who else asks meanwhile waits.
+    /// Renders a scene and reads the ground truth, once; other threads wait meanwhile.
     pub(crate) fn ready(&self, renderer: &Program) -> Result<&Ready, Failure> {
         let ready = self
             .ready
@@ -82,12 +77,11 @@ impl Prepared {
         Ok(Ready { path, truth })
     }
 
-    /// Whether its images are rendered.
     pub(crate) fn is_scene(&self) -> bool {
         matches!(self.input, Input::Scene { .. })
     }
 
-    /// The option that limits the frames of a run: a rendered scene has no more.
+    /// The frame limit to pass to a run: rendered scenes are limited already.
     pub(crate) fn limit(&self) -> Option<u64> {
         self.frames.filter(|_| !self.is_scene())
     }
@@ -96,7 +90,7 @@ impl Prepared {
 impl Drop for Prepared {
     fn drop(&mut self) {
         if !self.keep && self.is_scene() {
-            // What cannot be removed takes room in the folder for scratch files, and does no harm.
+            // A failure only leaves scratch files.
             let _ = std::fs::remove_dir_all(&self.place);
         }
     }

@@ -1,4 +1,4 @@
-//! Programs as child processes: one run each, so that memory is its own and a crash ends nothing else.
+//! Programs as child processes, one per run, to measure its memory and to isolate crashes.
 
 use crate::Failure;
 use std::ffi::{OsStr, OsString};
@@ -7,10 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// How often a child is looked after, s: far below the shortest run.
+/// Polling interval for the end of a child, s: far below the shortest run.
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// A program, and how long it may take.
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
     pub(crate) path: PathBuf,
@@ -18,7 +17,7 @@ pub(crate) struct Program {
 }
 
 impl Program {
-    /// Runs it to its end. What it says goes to a file in `scratch`. Any exit code but 0 and 1 is a failure: 1 says that frames were lost, which is a figure.
+    /// Writes the output to a file in `scratch`. Exit codes other than 0 and 1 are errors: 1 means lost frames, which are a figure.
     pub(crate) fn call<S: AsRef<OsStr>>(
         &self,
         words: impl IntoIterator<Item = S>,
@@ -47,7 +46,7 @@ impl Program {
         }
     }
 
-    /// Renders a scene into a folder, which appears when it is whole.
+    /// Atomic.
     pub(crate) fn simulate(
         &self,
         scene: &str,
@@ -79,7 +78,7 @@ impl Program {
     }
 }
 
-/// The exit status of a child; none, and the child is ended, when the time is over.
+/// Kills the child at the timeout and returns `None`.
 fn wait(command: &mut Command, timeout: Duration) -> std::io::Result<Option<ExitStatus>> {
     let (mut child, begun) = (command.spawn()?, Instant::now());
     loop {

@@ -1,10 +1,10 @@
-//! Runs as the tables of docs/benchmarks.md: variants side by side, times by stage, latency of live runs.
+//! The tables of docs/benchmarks.md: variants side by side, times by stage, latency of live runs.
 
 use super::{Row, megabytes, rows};
 use crate::results::{Figures, Live, Run, Time};
 use crate::table::{ABSENT, Align, Table, figure, spread};
 
-/// ATE, mm, with the share of frames that have a pose where some have none: median over the seeds and, after the stroke, the worst where they differ.
+/// ATE, mm: median over the seeds, slash, the worst if it differs; and the share of frames with a pose if some have none.
 pub(crate) fn position(row: &[&Figures]) -> String {
     let [median, _, worst] = spread(row.iter().filter_map(|f| f.ate_mm)).map(|v| figure(v, 1));
     let error = if median == worst {
@@ -21,7 +21,7 @@ pub(crate) fn position(row: &[&Figures]) -> String {
     }
 }
 
-/// Median error of the motion over 1 s, mm / degrees.
+/// Median relative error over 1 s, mm / degrees.
 pub(crate) fn motion(row: &[&Figures]) -> String {
     let median = |of: fn(&Figures) -> Option<f64>, digits| {
         figure(spread(row.iter().filter_map(|f| of(f)))[0], digits)
@@ -34,7 +34,6 @@ pub(crate) fn motion(row: &[&Figures]) -> String {
     }
 }
 
-/// A row per input, a column per variant.
 pub(crate) fn variants(runs: &[Run], cell: fn(&[&Figures]) -> String) -> Table {
     let rows = rows(runs);
     let distinct = |of: for<'a> fn(&Row<'a>) -> &'a str| {
@@ -72,7 +71,7 @@ pub(crate) fn variants(runs: &[Run], cell: fn(&[&Figures]) -> String) -> Table {
     table
 }
 
-/// What the table of times shows: the span's name, and what it is.
+/// Columns of the table of times: span and title.
 const STAGES: [(&str, &str); 7] = [
     ("extract", "extract"),
     ("flow", "flow"),
@@ -83,7 +82,7 @@ const STAGES: [(&str, &str); 7] = [
     ("map", "per keyframe"),
 ];
 
-/// A row per input and variant: the time of a frame, of its parts, and memory, medians over the seeds.
+/// A row per input and variant: times of frames and stages, and memory; medians over the seeds.
 pub(crate) fn stages(runs: &[Run]) -> Table {
     let head = ["input", "variant", "frame, ms", "95 %", "largest"];
     let head = head.into_iter().chain(STAGES.map(|s| s.1));
@@ -107,7 +106,7 @@ pub(crate) fn stages(runs: &[Run]) -> Table {
     table
 }
 
-/// A row per input and variant of live runs: medians, and in brackets the largest.
+/// A row per input and variant of live runs: medians, and in brackets the maximum.
 pub(crate) fn latency(runs: &[Run]) -> Table {
     let mut table = Table::new([
         "input",
@@ -156,7 +155,6 @@ mod tests {
     use super::*;
     use crate::results::tests::run;
 
-    /// The cells of a line of a table.
     fn cells(table: &Table, line: usize) -> Vec<String> {
         let text = table.to_markdown();
         let cells = text.lines().nth(line).unwrap().split('|');

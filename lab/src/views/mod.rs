@@ -1,4 +1,4 @@
-//! Runs as tables: what `lab sweep` and `lab peers` print and documents show.
+//! Tables of runs for `lab sweep`, `lab peers` and the documents.
 
 mod benchmarks;
 
@@ -7,14 +7,13 @@ pub(crate) use benchmarks::{latency, motion, position, stages, variants};
 use crate::results::{Figures, Run};
 use crate::table::{Align, Table, figure, median_and_range, spread};
 
-/// Runs of one row.
 struct Row<'a> {
     input: &'a str,
     variant: &'a str,
     runs: Vec<&'a Run>,
 }
 
-/// Runs by input and variant, in the order in which they first come.
+/// Runs by input and variant, in order of first occurrence.
 fn rows(runs: &[Run]) -> Vec<Row<'_>> {
     let mut rows: Vec<Row<'_>> = Vec::new();
     for run in runs {
@@ -48,7 +47,7 @@ impl Row<'_> {
     }
 }
 
-/// A row per input and variant: medians over the seeds, with the range where they differ; frames of all seeds.
+/// A row per input and variant: medians over the seeds, ranges if they differ; frames are summed.
 pub(crate) fn sweep(runs: &[Run]) -> Table {
     let mut table = Table::new([
         "input",
@@ -90,8 +89,8 @@ pub(crate) fn sweep(runs: &[Run]) -> Table {
     table
 }
 
-/// A row per program, as README quotes it: median errors by input, lowest to highest, and frames without a pose; times of the fastest and the slowest input, the
-/// largest memory. A first frame without a pose is not counted as lost.
+/// A row per program, for README: median errors by input with ranges, and frames without a pose (except a first one); times of the fastest
+/// and the slowest input, peak memory.
 pub(crate) fn peers(runs: &[Run], names: &[(&str, &str, &str)]) -> Table {
     let rows = rows(runs);
     let mut inputs: Vec<&str> = Vec::new();
@@ -136,7 +135,7 @@ pub(crate) fn peers(runs: &[Run], names: &[(&str, &str, &str)]) -> Table {
     table
 }
 
-/// Largest memory of the runs of a row, MB.
+/// Peak memory of the runs of a row, MB.
 fn megabytes(row: &Row<'_>) -> String {
     let all = row.all(|f| f.memory_bytes.map(|b| b as f64 * 1e-6));
     figure(spread(all)[2], 0)

@@ -1,4 +1,4 @@
-//! Every experiment in a tiny size: it prints its table, and its exit code says whether the bars are met.
+//! Every experiment in a tiny size prints its table, and its exit code states whether the bounds are met.
 
 mod recorded;
 mod simulated;
@@ -6,7 +6,6 @@ mod simulated;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What a run of the program left.
 struct Done {
     code: i32,
     out: String,
@@ -31,7 +30,6 @@ impl Done {
     }
 }
 
-/// Runs the program, with no recordings to be found.
 fn lab(arguments: &[&str]) -> Done {
     let output = Command::new(env!("CARGO_BIN_EXE_lab"))
         .args(arguments)
@@ -46,7 +44,6 @@ fn lab(arguments: &[&str]) -> Done {
     }
 }
 
-/// An empty folder of this name.
 fn scratch(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"))
         .join("experiments")

@@ -1,11 +1,10 @@
-//! Experiments on recordings: here a few frames of a simulated room as a data set folder.
+//! Experiments on recordings, here a few frames of a simulated room as a data set folder.
 
 use super::{lab, number, scratch};
 use std::path::PathBuf;
 use stillpoint::datasets::{ColourFormat, Recorder};
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 
-/// A recording of this name.
 fn recording(name: &str) -> PathBuf {
     let simulator = Simulator::new(&SimulatorConfig {
         frames: Some(10),

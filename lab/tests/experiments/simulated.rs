@@ -8,7 +8,7 @@ fn crowds_have_a_row_per_contestant_and_a_control_that_has_to_fail() {
     let done = run("24").with_code(0);
     let verdicts: Vec<&str> = done.rows().iter().map(|row| row[10]).collect();
     assert_eq!(verdicts, ["met", "met", "short"], "{}", done.out);
-    // In three frames nobody goes far: the control meets its bar, so the experiment shows nothing and says so.
+    // In three frames people hardly move: the control meets its bound, which fails the experiment.
     let done = run("3").with_code(1);
     assert_eq!(done.rows()[2][10], "met", "{}", done.out);
 }
@@ -32,7 +32,7 @@ fn covariances_have_a_row_per_input_and_need_a_second_of_motion() {
 
 #[test]
 fn a_readout_that_nothing_tells_of_is_missed() {
-    // In ten frames at 35 deg/s the estimate stays at its initial 0, which is right for a global shutter alone.
+    // In ten frames at 35 deg/s the estimate stays at its initial 0, which is correct only for a global shutter.
     let done = lab(&["readout", "--seeds", "2", "--frames", "10", "rpy"]).with_code(1);
     let verdicts: Vec<&str> = done.rows().iter().map(|row| row[9]).collect();
     assert_eq!(verdicts[0], "met", "{}", done.out);
@@ -108,7 +108,7 @@ fn loops_are_told_by_scene_and_hard_rows_have_a_bar() {
     };
     let easy = table("loop_two_rooms.2").with_code(0);
     assert_eq!(easy.rows()[0][..4], ["`loop_two_rooms`", "2", "2", "0"]);
-    // The control: two frames close no loop, where one has to be closed.
+    // Control: two frames close no loop, where one has to be closed.
     let hard = table("loop_two_rooms.8").with_code(1);
     assert!(hard.out.contains("0 of 2 hard runs"), "{}", hard.out);
     let scene = ["loops", "scene", "xyz", "--seeds", "1", "--frames", "8"];
@@ -196,7 +196,7 @@ fn surfaces_are_compared_with_the_true_ones() {
     let tiny = ["xyz", "--frames", "10"];
     let exact = millimetres(&dense(&[&["true"], &tiny[..]].concat()));
     assert!((0.1..20.0).contains(&exact), "{exact} mm");
-    // The control: larger voxels are less exact.
+    // Control: larger voxels are less accurate.
     let coarse = dense(&[&["true"], &tiny[..], &["--voxel", "0.08"]].concat());
     assert!(millimetres(&coarse) > exact, "{}", coarse.out);
     let merged = dense(&[&["merge"], &tiny[..]].concat());

@@ -1,4 +1,4 @@
-"""RGB-D SLAM that stays still while the world moves: poses, maps and masks of what moves, from arrays.
+"""RGB-D SLAM for dynamic scenes: poses, maps and masks of moving regions, from arrays.
 
 >>> import stillpoint_slam as sp
 >>> room = sp.simulate("xyz", frames=5)
@@ -9,7 +9,7 @@
 5
 
 Poses are ``world_from_camera`` as 4x4 matrices in metres; the camera looks along z, x is right, y is down. Depth images are registered to
-their colour images. Whatever takes time runs without the interpreter's lock, and exceptions name the argument that cannot be used.
+their colour images. Long operations run without the interpreter's lock, and exceptions name the invalid argument.
 """
 
 import atexit as _atexit
@@ -48,10 +48,10 @@ from ._batch import Batch, batch, batch_merge
 from ._run import Run, open, record, run, simulate
 
 if _sys.executable:
-    # Models from elsewhere are tried in a process of their own, which is this package's command line.
+    # Models from other sources are first tried in a separate process with this package's command line.
     _native.launch_by([_sys.executable, "-m", "stillpoint_slam"], _native.__file__)
 
-# Threads that would come back to an interpreter that is no more stay away.
+# Keeps threads from returning to a finalised interpreter.
 _atexit.register(_native.prepare_for_end)
 
 __all__ = [

@@ -7,9 +7,9 @@ from . import _native
 
 
 def main() -> int:
-    """Carries out the command line of this process, and returns the exit code."""
-    # The command line listens to Ctrl-C itself, and before it does so the signal ends the process as it would end any other: Python's own handler
-    # would only note it, and tell it as an exception when everything is over.
+    """Runs the command line of this process, and returns the exit code."""
+    # The command line handles Ctrl-C itself; before it does, the signal should end the process as usual. Python's handler would only raise an
+    # exception after the command line returns.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     return _native.main(["stillpoint", *sys.argv[1:]])
 

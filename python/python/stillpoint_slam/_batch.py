@@ -1,4 +1,4 @@
-"""Many recordings, several at a time: the command line's ``batch`` in a process of its own, and what came of it."""
+"""Parallel runs over many recordings: the command line's ``batch`` in a separate process, and its results."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _Path = str | os.PathLike[str]
 
 
 class Batch(Sequence[Mapping[str, Any]]):
-    """What a batch gave: a sequence of its rows, in the order of names, as dicts with the columns of ``batch.parquet``.
+    """Results of a batch: a sequence of its rows, sorted by name, as dicts with the columns of ``batch.parquet``.
 
     Attributes:
-        folder: where its table and results are.
-        is_complete: whether every recording has a row; a batch that was ended early has not.
-        skipped: recordings whose results were there before.
-        seconds: from the first run to the last.
+        folder: folder of the table and results.
+        is_complete: whether every recording has a row; False if the batch was interrupted.
+        skipped: number of recordings with existing results.
+        seconds: duration from the start of the first run to the end of the last.
     """
 
     def __init__(self, folder: _Path) -> None:
@@ -37,7 +37,7 @@ class Batch(Sequence[Mapping[str, Any]]):
 
     @property
     def failed(self) -> list[Mapping[str, Any]]:
-        """The rows of recordings that have no result; ``error`` says why."""
+        """The rows of recordings without a result, with the reason in ``error``."""
         return [row for row in self._rows if row["outcome"] == "failed"]
 
     def __len__(self) -> int:
@@ -78,28 +78,28 @@ def batch(
     max_frames: int | None = None,
     progress: bool = True,
 ) -> Batch:
-    """Runs many recordings, as ``stillpoint batch`` does: each in a process of its own, several at a time, skipping those that are done.
+    """Runs many recordings, as ``stillpoint batch`` does: each in a separate process, in parallel, skipping existing results.
 
     Args:
         inputs: recordings, data set folders, and patterns (``data/*.mcap``); one or many.
         out: folder of the results.
-        workers: runs at a time; None for as many as cores and free memory allow.
-        shard: (I, N) for the I-th of N shares, from 1 on; each has an ``out`` of its own, and :func:`batch_merge` joins them.
-        time_limit: seconds that a run may take.
-        replace: whether results of another program or configuration are replaced.
-        name_parts: last parts of a path that name its result folder.
+        workers: parallel runs; None for as many as cores and free memory allow.
+        shard: (I, N) for the I-th of N shards, from 1 on; each needs its own ``out``, and :func:`batch_merge` joins them.
+        time_limit: maximum duration of a run, s.
+        replace: whether to replace results of another program or configuration.
+        name_parts: number of last parts of a path that form the name of its result folder.
         camera, config, dense, start, max_frames: as for :func:`run`.
-        detector: what ``--detector`` takes; ``{}`` in it stands for the recording.
-        save_map: name of a map file in each result folder.
-        report: whether there is a ``report.html`` in each.
-        progress: whether the command line's lines are shown.
+        detector: as for ``--detector``; ``{}`` in it stands for the recording.
+        save_map: name of a map file in each result folder; None for no map.
+        report: whether to write a ``report.html`` into each.
+        progress: whether to show the command line's progress.
 
     Returns:
-        The rows, also of recordings that have no result: see :attr:`Batch.failed`.
+        The rows, including recordings without a result: see :attr:`Batch.failed`.
 
     Raises:
-        ValueError: inputs or options that cannot be used, or a folder that cannot be written; the message says which.
-        KeyboardInterrupt: Ctrl-C; what is done is kept, and the same call goes on.
+        ValueError: invalid inputs or options, or a folder that cannot be written; the message names it.
+        KeyboardInterrupt: Ctrl-C; finished results are kept, and repeating the call continues.
     """
     all_inputs = [inputs] if isinstance(inputs, (str, os.PathLike)) else list(inputs)
     if not all_inputs:
@@ -130,15 +130,15 @@ def batch(
 
 
 def batch_merge(folders: Iterable[_Path], out: _Path, *, progress: bool = True) -> Batch:
-    """Joins the tables of several batches, as of the shards of one; the results stay where they are.
+    """Joins the tables of several batches, such as the shards of one, without moving the results.
 
     Args:
         folders: folders of batches of one program and configuration.
         out: folder of the joined table.
-        progress: whether the command line's lines are shown.
+        progress: whether to show the command line's progress.
 
     Raises:
-        ValueError: folders that do not belong together.
+        ValueError: folders of different programs or configurations.
     """
     return _command(["batch", "merge", *(os.path.abspath(f) for f in folders), f"--out={os.fspath(out)}"], out, progress)
 
@@ -159,7 +159,7 @@ def _config(config: Config | _Path | Mapping[str, Any]) -> Config:
 
 
 def _command(arguments: Sequence[str], out: _Path, progress: bool) -> Batch:
-    """Carries out a command line in a process of its own, and reads the table that it leaves."""
+    """Runs a command line in a separate process, and reads the resulting table."""
     command = [sys.executable, "-m", "stillpoint_slam", *arguments]
     said: list[str] = []
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace") as child:
@@ -170,7 +170,7 @@ def _command(arguments: Sequence[str], out: _Path, progress: bool) -> Batch:
                 if progress:
                     sys.stderr.write(line)
         except BaseException:
-            # In a terminal Ctrl-C has reached it, too; a second signal would end it at once.
+            # In a terminal the child has received Ctrl-C too; a second signal would kill it.
             if not sys.stdin or not sys.stdin.isatty():
                 child.send_signal(signal.SIGINT)
             child.wait()

@@ -1,4 +1,4 @@
-"""Cameras as other libraries describe them."""
+"""Conversion of other libraries' camera calibrations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LENSES = ("", "none", "plumb_bob", "brown_conrady", "inverse_brown_conrady", "m
 
 
 def _get(info: object, *names: str) -> Any:
-    """What `info` has under the first of the names, None where it has none of them."""
+    """The first existing value among the names; None if there is none."""
     for name in names:
         try:
             found = info.get(name) if isinstance(info, Mapping) else getattr(info, name, None)
@@ -26,7 +26,7 @@ def _get(info: object, *names: str) -> Any:
 
 def _numbers(name: str, found: object) -> list[float]:
     try:
-        # No camera has more of any; what pretends to be larger than memory is not copied.
+        # No calibration has longer lists; avoids copying huge objects.
         if np.size(found) > 32:  # type: ignore[arg-type]
             raise TypeError("too many")
         array = np.asarray(found)
@@ -42,7 +42,7 @@ def _lens(info: object) -> list[float]:
     given = _get(info, "D", "d", "coeffs", "distortion")
     k = [] if given is None else _numbers("the distortion", given)
     model = _get(info, "distortion_model", "model")
-    # librealsense says distortion.brown_conrady.
+    # Such as librealsense's distortion.brown_conrady.
     name = str(model or "").rsplit(".", 1)[-1].lower().replace(" ", "_")
     if not any(k):
         return []
@@ -54,7 +54,7 @@ def _lens(info: object) -> list[float]:
 
 
 def _read_out(info: object, size: tuple[Any, Any], figures: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Width, height, fx, fy, cx, cy of the images, by REP 104: binning and region of interest are stated of the whole sensor's image, as the rest is."""
+    """Width, height, fx, fy, cx, cy of the images, by REP 104: the calibration, binning and region of interest refer to the full sensor image."""
     roi = _get(info, "roi")
 
     def whole(of: object, name: str) -> int:
@@ -82,7 +82,7 @@ def _read_out(info: object, size: tuple[Any, Any], figures: tuple[Any, ...]) -> 
 
 
 def from_info(info: object, depth_scale: float | None = None) -> Camera:
-    """The camera that `info` describes; see ``Camera.from_info``."""
+    """See ``Camera.from_info``."""
     width, height = _get(info, "width"), _get(info, "height")
     if width is None or height is None:
         raise TypeError(
@@ -96,7 +96,7 @@ def from_info(info: object, depth_scale: float | None = None) -> Camera:
             raise ValueError(f"camera: expected nine numbers for K, found {len(k)}")
         projection = _get(info, "P", "p")
         if not any(k[:6]) and projection is not None:
-            # Some drivers fill in the projection matrix alone.
+            # Some drivers only fill in the projection matrix.
             p = _numbers("P", projection)
             k = [*p[:3], *p[4:7], *p[8:11]] if len(p) == 12 else k
         fx, fy, cx, cy = k[0], k[4], k[2], k[5]

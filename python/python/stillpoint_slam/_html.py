@@ -1,4 +1,4 @@
-"""What a notebook shows of values."""
+"""HTML representations for notebooks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _path(points: list[tuple[float, float]], color: str, box: tuple[float, float
 
 
 def _drawing(points: list[tuple[float, float]], color: str = "#1f77b4", size: float = 240.0) -> str:
-    """A path as it lies in the plane with the largest extent, without any library."""
+    """A path as SVG, scaled to its largest extent."""
     if not points:
         return ""
     xs, ys = [p[0] for p in points], [p[1] for p in points]
@@ -31,7 +31,7 @@ def _drawing(points: list[tuple[float, float]], color: str = "#1f77b4", size: fl
 
 
 def trajectory(this: Trajectory) -> str:
-    """Length and shape."""
+    """Length, duration and path."""
     p = this.positions
     rows = [("poses", str(len(this))), ("length", f"{this.length:.3f} m")]
     if len(this):
@@ -51,7 +51,7 @@ def frame(this: Frame) -> str:
 
 
 def map(this: Map) -> str:
-    """How much is in it."""
+    """Version and sizes."""
     rows = [("version", str(this.version)), ("keyframes", str(len(this.keyframe_ids))), ("landmarks", str(len(this.point_ids)))]
     return _table("Map", rows)
 
@@ -65,12 +65,12 @@ def score(this: Score) -> str:
 
 
 def slam(this: Slam) -> str:
-    """What there is by now."""
+    """Summary and current trajectory."""
     return _table(repr(this).strip("<>"), []) + trajectory(this.trajectory())
 
 
 def run(this: Run) -> str:
-    """What a run gave."""
+    """Statistics and trajectory."""
     rows = [
         ("frames", str(this.frames)),
         ("with a pose", str(len(this.trajectory))),

@@ -1,4 +1,4 @@
-"""Where recordings come from and results go to: local paths, and whatever ``fsspec`` opens (``s3://``, ``gs://``, ``file://``)."""
+"""Locations of recordings and results: local paths, and URLs that ``fsspec`` supports (``s3://``, ``gs://``, ``file://``)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FETCHED = Path(tempfile.gettempdir()) / "stillpoint-fetched"
 
 
 def is_url(path: str) -> bool:
-    """Whether a path is one that ``fsspec`` opens; a plain one is read where it is."""
+    """Whether a path is a URL for ``fsspec``, instead of a local path."""
     return "://" in path
 
 
@@ -27,13 +27,13 @@ def _open(url: str, options: Mapping[str, Any]) -> tuple[Any, str]:
     except ImportError as e:
         raise ImportError("URLs need fsspec: pip install stillpoint-slam[ray], and s3fs or gcsfs for s3:// or gs://") from e
     fs, path = url_to_fs(url, **options)
-    # What others wrote since is to be seen.
+    # Makes files of other writers visible.
     fs.invalidate_cache()
     return fs, path
 
 
 def name_of(path: str) -> str:
-    """The name of a result folder: the last part of a path, without the ending of a recording that is one file."""
+    """The name of a result folder: the last part of a path, without the extension of recording files."""
     last = path.rstrip("/").rsplit("/", 1)[-1]
     stem, dot, ending = last.rpartition(".")
     is_file = ending.lower() in ("mcap", "bag", "db3") and (is_url(path) or not os.path.isdir(path))
@@ -41,7 +41,7 @@ def name_of(path: str) -> str:
 
 
 class Source:
-    """One recording: what it is known by, and where it can be read."""
+    """A recording, with its digest and a local copy."""
 
     def __init__(self, path: str, options: Mapping[str, Any]) -> None:
         self.path = path
@@ -49,7 +49,7 @@ class Source:
         self._options = options
 
     def _remote(self, options: Mapping[str, Any]) -> tuple[str, int]:
-        """The address and, of every file, its name, size and what its server knows its content by (an ETag, a time)."""
+        """Digest of the URL and, of every file, name, size and version (an ETag or a time); and the total size."""
         fs, root = _open(self.path, options)
         files = fs.find(root, detail=True) if fs.isdir(root) else {root: fs.info(root)}
         if not files:
@@ -61,10 +61,10 @@ class Source:
 
     @contextlib.contextmanager
     def local(self, most: float) -> Iterator[str]:
-        """A path on this machine's disk for as long as it is needed; a copy of a recording at a URL has at most ``most`` bytes.
+        """A local path to the recording, valid in the context; recordings at URLs of at most ``most`` bytes are downloaded.
 
         Raises:
-            ValueError: the recording is larger, or the disk has no room for it.
+            ValueError: the recording is larger, or exceeds the free disk space.
         """
         if not is_url(self.path):
             yield self.path
@@ -83,7 +83,7 @@ class Source:
 
 @contextlib.contextmanager
 def _folder() -> Iterator[Path]:
-    """A folder that goes when it is no longer needed; those of workers that were killed go first."""
+    """A temporary folder; first removes those of killed workers."""
     import fcntl
 
     for old in _FETCHED.iterdir():
@@ -92,7 +92,7 @@ def _folder() -> Iterator[Path]:
             shutil.rmtree(old, ignore_errors=True)
     folder = Path(tempfile.mkdtemp(dir=_FETCHED))
     try:
-        # The system unlocks it when the process ends, however that ends.
+        # The system unlocks it when the process ends, even if killed.
         with (folder / "lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             yield folder
@@ -101,7 +101,7 @@ def _folder() -> Iterator[Path]:
 
 
 class Results:
-    """The folder of one recording's result, at a path or a URL."""
+    """The result folder of a recording, at a path or a URL."""
 
     def __init__(self, out: str, name: str, options: Mapping[str, Any]) -> None:
         self.folder = f"{out.rstrip('/')}/{name}"
@@ -111,7 +111,7 @@ class Results:
             self._fs, self._root = _open(self.folder, options)
 
     def read(self, name: str) -> str | None:
-        """A file of it; None where there is none."""
+        """The text of a file; None if it does not exist."""
         try:
             if self._fs is None:
                 return Path(self._root, name).read_text(encoding="utf-8")
@@ -120,7 +120,7 @@ class Results:
             return None
 
     def write(self, name: str, text: str) -> None:
-        """Writes a file of it, as a whole or not at all."""
+        """Writes a file atomically."""
         if self._fs is not None:
             self._fs.pipe_file(f"{self._root}/{name}", text.encode())
             return
@@ -139,7 +139,7 @@ class Results:
 
     @contextlib.contextmanager
     def filling(self) -> Iterator[Path]:
-        """A local folder for the result; at a URL, it is stored there at the end."""
+        """A local folder for writing the result; uploaded at the end if the result is at a URL."""
         if self._fs is None:
             yield Path(self._root)
             return

@@ -1,4 +1,4 @@
-"""Plots by matplotlib, where it is installed."""
+"""Plots by matplotlib, an optional dependency."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _from_above(ax: Any) -> None:
 
 
 def trajectory(this: Trajectory, truth: Trajectory | None = None, ax: Any = None) -> Any:
-    """The path from above; with the truth both as the score aligns them."""
+    """The path from above; with ground truth, both paths after alignment."""
     ax = _axes(ax)
     estimate = this.positions
     if truth is not None:
@@ -60,7 +60,7 @@ def map(this: Map, ax: Any = None) -> Any:
 
 
 def frame(this: Frame, ax: Any = None) -> Any:
-    """The grey image with its keypoints, red where they move, and the mask over it."""
+    """The grey image with its keypoints, dynamic ones in red, and the mask."""
     ax = _axes(ax)
     ax.imshow(this.gray, cmap="gray", vmin=0, vmax=255)
     shade = np.zeros((*this.mask.shape, 4))

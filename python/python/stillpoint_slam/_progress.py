@@ -1,4 +1,4 @@
-"""Progress that suits where it is shown: one element in a notebook, one line in a terminal, nothing elsewhere."""
+"""Progress display: one element in a notebook, one line in a terminal, nothing elsewhere."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def _in_notebook() -> bool:
 
 
 class Progress:
-    """How far a loop is. Used as a context manager; what it shows is gone when the loop is over."""
+    """Progress of a loop, as a context manager. The display is removed at the end."""
 
     def __init__(self, total: int, wanted: bool = True) -> None:
         self._total = total
@@ -29,7 +29,7 @@ class Progress:
         return self
 
     def step(self, note: str = "") -> None:
-        """One more is done."""
+        """Counts one more frame."""
         self._done += 1
         now = time.monotonic()
         if now - self._shown < 0.2 or not (self._terminal or self._notebook):

@@ -1,4 +1,4 @@
-"""Whole recordings: opened, run, recorded, simulated."""
+"""Opens, runs, records and simulates recordings."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def open(
 
     Args:
         path: the folder or file.
-        camera: a preset or a camera file; None guesses it, or takes the recording's own.
-        color: whether the frames come with their colours; without, only grey is decoded.
-        start: frames that are left out at the start.
-        max_frames: frames at most.
+        camera: a preset or a camera file; None for the recording's own, or a guess.
+        color: whether to decode colours, or only grey images.
+        start: number of frames to skip at the start.
+        max_frames: maximum number of frames; None for all.
 
     Raises:
-        FileNotFoundError: nothing is there.
-        ValueError: it is neither; the message says what was expected.
+        FileNotFoundError: the path does not exist.
+        ValueError: unknown format.
     """
     return Recording(path, camera, color=color, start=start, max_frames=max_frames)
 
@@ -47,7 +47,7 @@ def simulate(
     imu: bool = False,
     odometry: bool = False,
 ) -> Simulation:
-    """A simulated room with exact ground truth: an iterable of its frames. See :class:`Simulation`.
+    """Simulates a room with exact ground truth: an iterable of its frames. See :class:`Simulation`.
 
     >>> len(simulate("walking_xyz", frames=10))
     10
@@ -62,19 +62,19 @@ def record(
     color_order: str = "rgb",
     jpeg: bool = False,
 ) -> Recorder:
-    """Begins a recording: a folder as TUM has it, or an MCAP file where the path ends with ``.mcap``. See :class:`Recorder`.
+    """Starts a recording: a folder in TUM's layout, or an MCAP file if the path ends with ``.mcap``. See :class:`Recorder`.
 
     Args:
-        path: where nothing is yet.
+        path: must not exist.
         camera: as for :class:`Slam`.
         color_order: ``rgb`` or ``bgr``.
-        jpeg: whether colour images of a folder are JPEG instead of PNG.
+        jpeg: whether a folder stores colour images as JPEG instead of PNG.
     """
     return Recorder(path, camera, color_order=color_order, jpeg=jpeg)
 
 
 class _Source:
-    """What a run is over, and how it was asked for."""
+    """Input and arguments of a run, for its result."""
 
     def __init__(self, path: str | os.PathLike[str] | Recording | Simulation, frames: Recording | Simulation, options: Mapping[str, Any]) -> None:
         self.frames = frames
@@ -92,17 +92,17 @@ class _Source:
 
 
 class Run:
-    """What a run over a recording gave.
+    """Results of a run over a recording.
 
     Attributes:
-        slam: the finished system: map, surface.
+        slam: the finished system, with map and surface.
         trajectory: final poses.
-        truth: ground truth; None where there is none.
-        score: the trajectory against the truth; None without truth, or where both do not overlap.
-        frames: frames that were read.
-        skipped: frames that could not be read.
-        lost: frames without a pose at the time, as (index, stamp in s, reason).
-        seconds: how long it took.
+        truth: ground truth, or None.
+        score: errors of the trajectory; None without ground truth that overlaps in time.
+        frames: number of frames read.
+        skipped: number of unreadable frames.
+        lost: frames without a pose when tracked, as (index, stamp in s, reason).
+        seconds: duration.
     """
 
     def __init__(self, slam: Slam, source: _Source, counts: tuple[int, int], lost: list[tuple[int, float, str]], seconds: float) -> None:
@@ -118,22 +118,22 @@ class Run:
             try:
                 self.score = evaluate(self.truth, self.trajectory)
             except ValueError:
-                # Poses that do not overlap with the truth in time are poses all the same.
+                # Without overlap in time there is no score.
                 self.score = None
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Writes the result into a folder, which is made if need be: the files that ``stillpoint run`` leaves (poses, ``summary.json``, plots, the
-        surface if there is one) but for its log, and ``map.spmap``. ``report.html`` is among them where :func:`run` was given ``out``.
+        """Writes the result into a folder, creating it if necessary: the files of ``stillpoint run`` (poses, ``summary.json``, plots, the surface
+        if there is one) except the log, and ``map.spmap``; also ``report.html`` if :func:`run` was called with ``out``.
 
         Raises:
-            ValueError: it cannot be written.
+            ValueError: the folder cannot be written.
         """
         source = self._source
         self.slam._write_result(folder, (source.name, source.layout, source.camera.name), (source.command, self.skipped, self.seconds), self.truth)
         self.slam.save(Path(folder) / "map.spmap")
 
     def plot(self, ax: Any = None) -> Any:
-        """Draws the trajectory, beside the truth if there is one, by matplotlib, and returns the axes."""
+        """Plots the trajectory, with the ground truth if available, by matplotlib, and returns the axes."""
         return self.trajectory.plot(self.truth, ax)
 
     def __repr__(self) -> str:
@@ -166,27 +166,27 @@ def run(
     """Runs a data set folder, a recording or a simulation through SLAM, as ``stillpoint run`` does.
 
     Args:
-        path: the folder or file, or what :func:`open` or :func:`simulate` gave.
+        path: a folder or file, or the result of :func:`open` or :func:`simulate`.
         camera, start, max_frames: as for :func:`open`.
         config, detector, live, dense: as for :class:`Slam`.
-        imu: whether the inertial sensor is used, where there is one whose mount is known.
-        odometry: the same of wheel odometry.
+        imu: whether to use an inertial sensor with a known mount, if there is one.
+        odometry: likewise for wheel odometry.
         out: folder for the result, see :meth:`Run.save`; None for none.
-        report: whether ``report.html`` is in that folder: one page that shows where the run went wrong.
-        progress: whether progress is shown, in a notebook or a terminal.
-        time_limit: seconds that the run may take.
+        report: whether to write ``report.html`` into that folder: a page that shows where the run failed.
+        progress: whether to show progress, in a notebook or a terminal.
+        time_limit: maximum duration, s; None for no limit.
 
     Raises:
-        TimeoutError: it took longer than ``time_limit``.
+        TimeoutError: the run took longer than ``time_limit``.
 
     >>> run(simulate("xyz", frames=5))
     <Run: 5 of 5 frames with a pose, ATE RMSE ... mm>
     """
     if out is not None and Path(out).exists() and not Path(out).is_dir():
-        # A run of an hour is not to end with that.
+        # Fail before the run, which may take an hour.
         raise ValueError(f"out: {os.fspath(out)}: expected a folder to write to, found a file; name another")
     pictures = report and out is not None
-    # Grey is all that tracking looks at, and half of the work of decoding.
+    # Tracking needs only grey, which takes half the decoding time.
     color = detector is not None or bool(dense) or pictures
     recording = path if isinstance(path, (Recording, Simulation)) else open(path, camera, color=color, start=start, max_frames=max_frames)
     options = {"camera": camera, "config": config, "detector": detector, "live": live, "dense": dense, "start": start, "max_frames": max_frames}

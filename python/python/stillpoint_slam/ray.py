@@ -4,9 +4,9 @@
 >>> rows = sp_ray.batch(["s3://bucket/a.mcap", "s3://bucket/b.mcap"], "s3://bucket/results")  # doctest: +SKIP
 >>> rows.to_pandas()                                                                # doctest: +SKIP
 
-Actors keep their detector from one recording to the next; the vocabulary is part of the program. Ray starts an actor again that was killed, and
-gives what it worked on to another: a result is stored as a whole and known by its input, configuration and program, so nothing is done twice
-that was done. Progress is that of ``ray.data``; the metrics ``stillpoint_*`` are in Ray's dashboard.
+Actors keep their detector between recordings. Ray restarts killed actors and reassigns their work; results are stored atomically and
+identified by input, configuration and program, so finished recordings are not repeated. Progress is that of ``ray.data``; the metrics
+``stillpoint_*`` are in Ray's dashboard.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ COLUMNS = pa.schema(
     + [(name, pa.string()) for name in ("input_sha256", "stillpoint", "program_sha256", "configuration_sha256")]
 )
 
-#: Runs of a recording that fails, and workers that may die of one.
+#: Maximum attempts per recording, and worker deaths it may cause.
 ATTEMPTS, DEATHS = 2, 3
 
 
@@ -64,23 +64,24 @@ def batch(
     max_frames: int | None = None,
     storage_options: Mapping[str, Any] | None = None,
 ) -> ray.data.Dataset:
-    """Runs recordings on the workers of a Ray cluster, and returns their rows as a data set.
+    """Runs recordings on a Ray cluster, and returns their rows as a data set.
 
     Args:
-        paths: recordings and data set folders: paths that every node reaches, or URLs (``s3://``, ``gs://``, ``file://``), which each worker
-            fetches to its own disk, one at a time, and removes.
-        out: folder of the results that every node reaches, or a URL. A recording whose result is there is not run again.
-        workers: actors; None for as many as the cluster has room for, one at first.
-        cpus, memory: what Ray reserves for each actor: cores, and bytes (a run with 640x480 px and a detector stays below the default for
-            some ten minutes of video).
-        disk: bytes that a recording may have which is fetched.
-        time_limit: seconds that a run may take.
+        paths: recordings and data set folders: paths accessible to every node, or URLs (``s3://``, ``gs://``, ``file://``), which each worker
+            downloads one at a time and then removes.
+        out: folder of the results, accessible to every node, or a URL. Recordings with existing results are skipped.
+        workers: number of actors; None for as many as the cluster can run, starting with one.
+        cpus, memory: resources reserved per actor: cores, and bytes (a run with 640x480 px and a detector stays below the default for about
+            ten minutes of video).
+        disk: maximum size of a downloaded recording, bytes.
+        time_limit: maximum duration of a run, s.
         camera, config, dense, report, start, max_frames: as for :func:`stillpoint_slam.run`.
-        detector: what ``--detector`` takes, for all recordings.
-        storage_options: what ``fsspec`` is told of the servers.
+        detector: as for ``--detector``, for all recordings.
+        storage_options: options of ``fsspec`` for the servers.
 
     Returns:
-        One row per recording; ``outcome`` is ``ok``, ``lost`` or ``failed``, and ``error`` says why. Ray begins when rows are asked for.
+        One row per recording; ``outcome`` is ``ok``, ``lost`` or ``failed``, and ``error`` is the reason. Evaluated lazily: Ray starts when rows are
+        read.
 
     Raises:
         ValueError: no recordings, or two whose results would have the same name.
@@ -98,7 +99,7 @@ def batch(
     target = os.fspath(out)
     items = _items(all_paths)
     rows = ray.data.from_items(items, override_num_blocks=len(items))
-    # A pool that grows asks for more than one recording in the queue of each actor.
+    # The pool grows only if actors queue more than one recording.
     pool = {"size": workers} if workers else {"min_size": 1}
     return rows.map_batches(
         Recordings,
@@ -128,12 +129,12 @@ def _items(paths: list[str]) -> list[dict[str, str]]:
 
 
 class Recordings:
-    """An actor: it keeps its detector, and runs one recording after another."""
+    """An actor: keeps its detector, and runs recordings one after another."""
 
     def __init__(self, out: str, options: Mapping[str, Any], limits: tuple[float, float | None, float], storage_options: Mapping[str, Any]) -> None:
         self._out, self._options, self._storage = out, dict(options), storage_options
         self._disk, self._time_limit, cpus = limits
-        # Threads that share the work on a frame; the others' cores are theirs.
+        # Threads per frame: other actors need the remaining cores.
         os.environ["STILLPOINT_WORKERS"] = str(max(1, int(cpus)))
         named = self._options.pop("detector")
         self._detector = None if named is None else Detector(named)
@@ -163,7 +164,7 @@ class Recordings:
             return {**row, **{column: known.get(column) for column in COLUMNS.names}, "folder": results.folder}
         deaths = int(results.read("started") or 0)
         if deaths >= DEATHS:
-            # The next batch may try again.
+            # Lets the next batch try again.
             results.remove("started")
             return self._counted({**row, "attempts": deaths, "error": f"its worker died {deaths} times"})
         results.write("started", str(deaths + 1))
@@ -181,7 +182,7 @@ class Recordings:
         return self._counted(row)
 
     def _run(self, source: Source, results: Results) -> dict[str, Any]:
-        """One run: the figures of its row."""
+        """Runs once; returns the figures of the row."""
         with source.local(self._disk) as path, results.filling() as folder:
             run(path, config=self._config, detector=self._detector, out=folder, progress=False, time_limit=self._time_limit, **self._options)
             return figures(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
@@ -195,7 +196,7 @@ class Recordings:
 
 
 def _method(options: Mapping[str, Any]) -> dict[str, str]:
-    """What results depend on but for their recordings: the program, and what it is told."""
+    """Digests of everything else that results depend on: program and arguments."""
     told = hashlib.sha256(json.dumps(dict(options), sort_keys=True).encode())
     for name in ("detector", "camera"):
         file = Path((options[name] or "").removeprefix("scripted:"))
@@ -206,7 +207,7 @@ def _method(options: Mapping[str, Any]) -> dict[str, str]:
 
 
 def figures(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """The columns that a run's ``summary.json`` has."""
+    """The columns derived from a run's ``summary.json``."""
     final = (summary.get("accuracy") or {}).get("final", {})
     rpe = final.get("rpe")
     error = final.get("ate") or final.get("drift")

@@ -1,5 +1,5 @@
-"""Stands in for the package `ultralytics` where its weights cannot be had: the same calls with the same shapes, its boxes from a file for a simulated room,
-whose frames it is shown in order. `STANDIN_ROOM` names the room's folder, `STANDIN_BOXES` the file.
+"""A fake of the package `ultralytics`, without weights: the same calls and shapes, with boxes from the file `STANDIN_BOXES` for the frames of the
+simulated room in the folder `STANDIN_ROOM`, in order.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ CLASSES = {"person": 0, "chair": 56}
 
 
 class Tensor:
-    """As much of a tensor as a caller needs to get at its numbers."""
+    """The minimal interface of a tensor for reading its values."""
 
     def __init__(self, values: np.ndarray, is_on_host: bool = False) -> None:
         self.values, self.is_on_host = values, is_on_host
@@ -29,7 +29,7 @@ class Tensor:
 
 class Boxes:
     def __init__(self, rows: list[list[float]]) -> None:
-        # x0, y0, x1, y1 from the corner of the first pixel, confidence, class.
+        # x0, y0, x1, y1 relative to the corner of the first pixel, confidence, class.
         self.data = Tensor(np.array(rows, dtype=np.float64).reshape(-1, 6))
 
 

@@ -1,4 +1,4 @@
-//! Which readers and writers are whose, so that `ros2 node list` and `ros2 node info` find them ("Node to Participant mapping", design.ros2.org).
+//! Announces the node's readers and writers, for `ros2 node list` and `ros2 node info` ("Node to Participant mapping", design.ros2.org).
 
 use crate::bus::raw::RawAdapter;
 use crate::bus::{BusError, Quality, Writer};
@@ -8,7 +8,6 @@ use rustdds::{DomainParticipant, GUID, Publisher, RTPSEntity, TopicKind};
 const TOPIC: &str = "ros_discovery_info";
 const TYPE: &str = "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_";
 
-/// What this node has.
 pub(crate) struct Discovery {
     participant: GUID,
     node: NodeName,

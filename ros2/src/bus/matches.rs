@@ -1,23 +1,23 @@
-//! Who is at the other ends of a node's writers and readers.
+//! Matched remote endpoints of a node's writers and readers.
 
 use rustdds::GUID;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How many are at the other ends of a writer or reader.
+/// Number of remote endpoints matched with a writer or reader.
 #[derive(Clone, Debug, Default)]
 pub struct Others(Arc<AtomicUsize>);
 
 impl Others {
-    /// As of now.
+    /// The current number.
     #[must_use]
     pub fn count(&self) -> usize {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// The ends here, and who is at the others.
+/// Local endpoints with their matched remote endpoints.
 #[derive(Default)]
 pub(crate) struct Matches {
     of: BTreeMap<GUID, (BTreeSet<GUID>, Others)>,
@@ -31,7 +31,7 @@ impl Matches {
     }
 
     pub(crate) fn matched(&mut self, own: GUID, other: GUID) {
-        // The node itself is nobody else.
+        // Ignores the node's own endpoints.
         if own.prefix == other.prefix {
             return;
         }

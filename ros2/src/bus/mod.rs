@@ -1,6 +1,4 @@
-//! The wire: topics and services of ROS 2 over RTPS, with messages as bytes.
-//!
-//! Answers: how bytes reach other nodes and theirs come here, and who is there. Knows no message and no frame.
+//! Topics and services of ROS 2 over RTPS, with messages as bytes, and discovery of other nodes.
 
 mod discovery;
 mod matches;
@@ -29,7 +27,7 @@ use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 
-/// Why something is not on the wire.
+/// A failure of the middleware.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "{what}: expected to be offered to other nodes, found: {reason}; check the network and ROS_DOMAIN_ID"
@@ -37,7 +35,7 @@ use std::time::Duration;
 pub struct BusError {
     /// The topic, service or node.
     pub what: String,
-    /// What the middleware says.
+    /// Message of the middleware.
     pub reason: String,
 }
 
@@ -50,7 +48,7 @@ impl BusError {
     }
 }
 
-/// A node's place among others.
+/// A participant of the network.
 pub struct Bus {
     node: NodeName,
     participant: DomainParticipant,
@@ -64,12 +62,12 @@ pub struct Bus {
     discovery: Discovery,
     /// Hashes of types, by their names.
     hashes: BTreeMap<String, String>,
-    /// What publishers and subscribers offered or asked for that does not go together.
+    /// Local readers with incompatible quality of service, not yet reported.
     misfits: Vec<GUID>,
 }
 
 impl Bus {
-    /// Becomes visible to others. `hashes` are those of types of topics, by names as `sensor_msgs/msg/Image`.
+    /// Joins the network. `hashes` are those of the topics' types, by names such as `sensor_msgs/msg/Image`.
     ///
     /// # Errors
     /// No network, or no free port.
@@ -114,10 +112,10 @@ impl Bus {
         })
     }
 
-    /// Offers a topic. `name` is the whole name, `type_name` as `sensor_msgs/msg/Image`.
+    /// Creates a writer. `name` is the full name, `type_name` such as `sensor_msgs/msg/Image`.
     ///
     /// # Errors
-    /// What the middleware says.
+    /// Failures of the middleware.
     pub fn publish(
         &mut self,
         name: &str,
@@ -129,10 +127,10 @@ impl Bus {
         Ok(writer.with_others(others))
     }
 
-    /// Subscribes to a topic.
+    /// Creates a reader.
     ///
     /// # Errors
-    /// What the middleware says.
+    /// Failures of the middleware.
     pub fn subscribe(
         &mut self,
         name: &str,
@@ -206,15 +204,15 @@ impl Bus {
         Ok(reader)
     }
 
-    /// Tells others which topics and services are this node's. To be called when all are there.
+    /// Announces the topics and services of the node. Call it after creating all of them.
     ///
     /// # Errors
-    /// What the middleware says.
+    /// Failures of the middleware.
     pub fn announce(&mut self) -> Result<(), BusError> {
         self.discovery.announce()
     }
 
-    /// Waits until something may have come, at most so long, and takes note of who came and went.
+    /// Waits for messages or until the timeout, and processes discovery events.
     pub fn wait(&mut self, most: Duration) {
         // A signal may interrupt the wait; the waiting caller checks for it.
         let _ = self.poll.poll(&mut self.events, Some(most));
@@ -238,21 +236,21 @@ impl Bus {
         }
     }
 
-    /// Whether a publisher of this reader's topic offers less than the reader asks for; each time is told once.
+    /// Whether a publisher offers incompatible quality of service; each event is reported once.
     pub fn take_misfit(&mut self, reader: &Reader) -> bool {
         let before = self.misfits.len();
         self.misfits.retain(|guid| *guid != reader.guid());
         self.misfits.len() < before
     }
 
-    /// The node.
+    /// Name of the node.
     #[must_use]
     pub fn node(&self) -> &NodeName {
         &self.node
     }
 }
 
-/// The hash of a type as readers and writers announce it since Iron (`rmw_dds_common`).
+/// User data with the type's hash, as announced since Iron (`rmw_dds_common`).
 fn user_data(hash: &str) -> Vec<u8> {
     format!("typehash={hash};").into_bytes()
 }

@@ -1,32 +1,32 @@
-//! How messages are delivered.
+//! Quality of service.
 
 use rustdds::policy::{Durability, History, Reliability};
 use rustdds::{QosPolicies, QosPolicyBuilder};
 
-/// How messages of a topic are delivered.
+/// Quality of service of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quality {
-    /// What was lost is sent again.
+    /// Lost packets are retransmitted.
     pub reliable: bool,
-    /// Who comes later gets what was sent before.
+    /// Late subscribers receive earlier messages.
     pub latched: bool,
-    /// Messages that wait at most.
+    /// Maximum queue length.
     pub depth: u16,
 }
 
 impl Quality {
-    /// Of sensors: what is lost is lost.
+    /// For sensors: best effort.
     pub const SENSOR: Self = Self {
         reliable: false,
         latched: false,
         depth: 10,
     };
-    /// Of inertial sensors and odometry: half a second at 400 Hz may wait.
+    /// For inertial sensors and odometry: queues half a second at 400 Hz.
     pub const INERTIAL: Self = Self {
         depth: 200,
         ..Self::SENSOR
     };
-    /// What ROS 2 does unless it is told otherwise.
+    /// The default of ROS 2.
     pub const DEFAULT: Self = Self {
         reliable: true,
         latched: false,

@@ -1,4 +1,4 @@
-//! Messages as bytes: serialising them is the business of the codec of `ros-messages`, so the middleware's is passed by.
+//! Messages as bytes: they are serialised by `ros-messages`, not by the middleware.
 
 use crate::bus::Others;
 use rustdds::bytes::Bytes;
@@ -11,11 +11,10 @@ use rustdds::{GUID, RTPSEntity, RepresentationIdentifier, Timestamp, WriteOption
 use std::convert::Infallible;
 use std::time::Duration;
 
-/// A message with its encapsulation header, as recordings have it.
+/// A message with its encapsulation header, as in recordings.
 #[derive(Clone, Debug)]
 pub(crate) struct Raw(Vec<u8>);
 
-/// Passes bytes on.
 pub(crate) struct RawAdapter;
 
 /// Length of the encapsulation header: two bytes of kind, two of options.
@@ -54,7 +53,6 @@ impl DefaultDecoder<Raw> for RawAdapter {
     const DECODER: Copying = Copying;
 }
 
-/// Puts the header before the bytes.
 #[derive(Clone)]
 pub(crate) struct Copying;
 
@@ -74,21 +72,21 @@ impl<'de> Decode<'de, Raw> for Copying {
     }
 }
 
-/// A message that came.
+/// A received message.
 #[derive(Clone, Debug)]
 pub struct Received {
     /// CDR with its encapsulation header.
     pub bytes: Vec<u8>,
-    /// When the last of its packets came.
+    /// Arrival time of its last packet.
     pub(crate) at: Timestamp,
-    /// Which message of which writer it is.
+    /// Its writer and sequence number.
     pub(crate) identity: SampleIdentity,
-    /// Which message it answers, or as which it wants to be answered.
+    /// The message it answers, or the identity for its answer.
     pub(crate) related: Option<SampleIdentity>,
 }
 
 impl Received {
-    /// How long ago its last packet came.
+    /// Time since the arrival of its last packet.
     #[must_use]
     pub fn age(&self) -> Duration {
         let ticks = Timestamp::now()
@@ -98,7 +96,7 @@ impl Received {
         Duration::from_secs_f64(ticks as f64 / (1u64 << 32) as f64)
     }
 
-    /// Its writer, and its number among the messages of that, which count up by one.
+    /// Its writer, and its sequence number, which increases by one per message.
     #[must_use]
     pub fn number(&self) -> ([u8; 16], i64) {
         let identity = &self.identity;
@@ -107,7 +105,7 @@ impl Received {
     }
 }
 
-/// One end of a topic, to be read.
+/// Reader of a topic.
 pub struct Reader {
     inner: SimpleDataReader<Raw, RawAdapter>,
     others: Others,
@@ -129,16 +127,16 @@ impl Reader {
         self.inner.guid()
     }
 
-    /// Publishers that are known.
+    /// Number of matched publishers.
     #[must_use]
     pub fn publishers(&self) -> usize {
         self.others.count()
     }
 
-    /// The next message, if one is there. Samples that are no messages are passed over.
+    /// The next message, if available. Skips samples that are not messages.
     pub fn take(&self) -> Option<Received> {
         self.inner.drain_read_notifications();
-        // An error is of one sample, which is gone then; as many as this are never there.
+        // An error removes one sample; the limit is never reached.
         for _ in 0..1000 {
             match self.inner.try_take_one() {
                 Ok(sample) => return sample.map(received),
@@ -161,7 +159,7 @@ fn received(change: DeserializedCacheChange<Raw>) -> Received {
     }
 }
 
-/// One end of a topic, to be written to.
+/// Writer of a topic.
 pub struct Writer {
     inner: DataWriter<Raw, RawAdapter>,
     others: Others,
@@ -183,24 +181,23 @@ impl Writer {
         self.inner.guid()
     }
 
-    /// By what others know this writer: 12 bytes of its participant, and 4 of its own.
+    /// GUID of the writer: 12 bytes of its participant, and 4 of its own.
     #[must_use]
     pub fn id(&self) -> [u8; 16] {
         self.inner.guid().to_bytes()
     }
 
-    /// Subscribers that are known.
+    /// Number of matched subscribers.
     #[must_use]
     pub fn subscribers(&self) -> usize {
         self.others.count()
     }
 
-    /// Sends a message in CDR with its encapsulation header. False where the middleware could not take it, because readers that want every message do not keep up.
+    /// Sends CDR with its encapsulation header. Returns false if reliable readers do not keep up.
     pub fn send(&self, bytes: &[u8]) -> bool {
         self.inner.write(Raw(bytes.to_vec()), None).is_ok()
     }
 
-    /// Sends an answer.
     pub(crate) fn answer(&self, bytes: Vec<u8>, to: Option<SampleIdentity>) -> bool {
         let options = WriteOptionsBuilder::new().related_sample_identity_opt(to);
         self.inner

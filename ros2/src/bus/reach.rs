@@ -1,6 +1,6 @@
-//! Where other nodes are looked for, as the environment says.
+//! Discovery range, from the environment.
 
-/// Where nodes are looked for.
+/// Discovery range of nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reach {
     /// `ROS_DOMAIN_ID`.
@@ -10,10 +10,11 @@ pub struct Reach {
 }
 
 impl Reach {
-    /// As the environment says: `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE`, and `ROS_LOCALHOST_ONLY` of older versions, which wins.
+    /// From the environment: `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE`, and `ROS_LOCALHOST_ONLY` of older versions, which takes
+    /// precedence.
     ///
     /// # Errors
-    /// Values that they cannot have.
+    /// Invalid values.
     pub fn of_environment(get: impl Fn(&str) -> Option<String>) -> Result<Self, String> {
         let set = |name: &str| get(name).filter(|v| !v.is_empty());
         let domain = match set("ROS_DOMAIN_ID") {
@@ -31,7 +32,7 @@ impl Reach {
         let range = set("ROS_AUTOMATIC_DISCOVERY_RANGE").map(|v| v.to_ascii_uppercase());
         let by_range = match range.as_deref() {
             None | Some("SUBNET" | "SYSTEM_DEFAULT" | "NOT_SET") => false,
-            // Nobody is looked for by multicast either way; other nodes of this machine are found by their ports.
+            // Either way there is no multicast discovery; nodes on this machine are found by their ports.
             Some("LOCALHOST" | "OFF") => true,
             Some(other) => {
                 return Err(format!(

@@ -1,7 +1,7 @@
 //! Services: a topic of requests and one of answers.
 //!
-//! Vendors differ in how an answer says which request it is for. Fast DDS and RustDDS send the request's identity beside the message ("enhanced" mapping of DDS-RPC);
-//! rmw_cyclonedds puts half of the client's id and a number before it. Which of them a client is, its id says: its first two bytes are the vendor's number.
+//! Answers refer to requests in two ways. Fast DDS and RustDDS send the request's identity beside the message ("enhanced" mapping of
+//! DDS-RPC); rmw_cyclonedds prepends half of the client's id and a number. A client's id begins with the vendor's number, two bytes.
 
 use crate::bus::{Bus, BusError, Quality, Reader, Received, Writer};
 use crate::names::service_on_wire;
@@ -10,16 +10,16 @@ use rustdds::{GUID, SequenceNumber};
 
 /// First bytes of ids of Eclipse Cyclone DDS.
 const CYCLONE: [u8; 2] = [0x01, 0x10];
-/// Encapsulation header, half an id, and a number.
+/// After the encapsulation header: half an id, and a number.
 const CYCLONE_HEADER: std::ops::Range<usize> = 4..20;
 
-/// A service that is offered.
+/// A service server.
 pub struct Service {
     requests: Reader,
     answers: Writer,
 }
 
-/// A request that waits for its answer.
+/// A pending request.
 #[derive(Clone, Debug)]
 pub struct Request {
     /// The message in CDR with its encapsulation header.
@@ -27,7 +27,6 @@ pub struct Request {
     client: Client,
 }
 
-/// How the client wants to be answered.
 #[derive(Clone, Debug)]
 enum Client {
     Enhanced(SampleIdentity),
@@ -35,10 +34,10 @@ enum Client {
 }
 
 impl Bus {
-    /// Offers a service. `type_name` as `std_srvs/srv/Trigger`.
+    /// Creates a service server. `type_name` such as `std_srvs/srv/Trigger`.
     ///
     /// # Errors
-    /// What the middleware says.
+    /// Failures of the middleware.
     pub fn serve(&mut self, name: &str, type_name: &str) -> Result<Service, BusError> {
         let [requests, answers] = service_on_wire(name);
         let of = |half: &str| format!("{type_name}_{half}");
@@ -50,7 +49,7 @@ impl Bus {
 }
 
 impl Service {
-    /// The next request, if one is there.
+    /// The next request, if available.
     pub fn take(&self) -> Option<Request> {
         loop {
             let request = understand(self.requests.take()?);
@@ -62,7 +61,7 @@ impl Service {
 
     /// Answers a request, with a message in CDR with its encapsulation header.
     pub fn answer(&self, request: &Request, message: &[u8]) {
-        // A client that is gone does not miss it.
+        // Fails only if the client is gone.
         let _ = match &request.client {
             Client::Enhanced(identity) => self.answers.answer(message.to_vec(), Some(*identity)),
             Client::Cyclone(header) => {
@@ -74,12 +73,12 @@ impl Service {
     }
 }
 
-/// The message of a request, and how it wants to be answered; none of one that is too short.
+/// Parses a request; `None` if it is too short.
 fn understand(received: Received) -> Option<Request> {
     let id = received.identity.writer_guid.to_bytes();
     if id[..2] == CYCLONE {
         let header = received.bytes.get(CYCLONE_HEADER)?.try_into().ok()?;
-        // What is aligned to eight bytes behind the header is so without it: it has sixteen.
+        // Removing the 16 bytes of the header keeps alignment to eight bytes.
         let bytes = [
             &received.bytes[..CYCLONE_HEADER.start],
             &received.bytes[CYCLONE_HEADER.end..],
@@ -90,7 +89,7 @@ fn understand(received: Received) -> Option<Request> {
         });
     }
     let mut identity = received.related.unwrap_or(received.identity);
-    // Fast DDS names the reader that waits for the answer, and leaves the number open.
+    // Fast DDS gives the reader of the answer, but no number.
     if identity.sequence_number == SequenceNumber::UNKNOWN {
         identity.sequence_number = received.identity.sequence_number;
     }

@@ -78,7 +78,7 @@ fn what_is_missing_is_named_until_it_comes() {
             .iter()
             .any(|g| g.contains("100.0 mm beside"))
     );
-    // The same again says nothing new; another does.
+    // Only a different calibration counts as a change.
     assert_eq!(camera.take_info(false, info(5.0)), Ok(false));
     assert_eq!(camera.take_info(false, info(6.0)), Ok(true));
     // base -> link -> colour.
@@ -89,7 +89,7 @@ fn what_is_missing_is_named_until_it_comes() {
     assert!((base.translation.x - 0.6).abs() < 1e-12);
 }
 
-/// Options with one of those on that are off by themselves.
+/// Default options, with one parameter enabled.
 fn asked_for(parameter: &str) -> Options {
     let mut parameters = Parameters::default();
     let yes = crate::value::Value::Bool(true);
@@ -97,7 +97,7 @@ fn asked_for(parameter: &str) -> Options {
     Options::new(&parameters).unwrap()
 }
 
-/// Checks that a camera waits with these images, and for what.
+/// Returns a check that a camera waits with these images, for the given reason.
 fn waiting<'a>(
     colour: &'a ImageMessage<'a>,
     depth: &'a ImageMessage<'a>,
@@ -127,7 +127,6 @@ fn it_is_waited_for_where_the_inertial_sensor_stands() {
     let ready = camera.ready(&colour, &depth, &options).ok().unwrap();
     let mount = ready.imu.unwrap().camera_from_imu;
     assert!((mount.translation.x - 0.01).abs() < 1e-12 && ready.without_imu.is_none());
-    // Without being asked for it is not.
     let plain = Options::new(&Parameters::default()).unwrap();
     assert!(
         camera
@@ -149,7 +148,7 @@ fn it_is_waited_for_where_the_camera_stands_on_the_wheels() {
     waits_for(&mut camera, "no message of it");
     camera.note_odometry(&["odom".into(), "base".into()]);
     waits_for(&mut camera, "no colour -> base on /tf_static");
-    // Through what the wheels measure there is no mount.
+    // Transforms through the odometry's frame give no mount.
     for pair in [["odom", "base"], ["odom", "colour"]] {
         let bytes = transform(pair[0], pair[1], 0.5);
         camera.take_transforms(&bytes).unwrap();
@@ -163,7 +162,6 @@ fn it_is_waited_for_where_the_camera_stands_on_the_wheels() {
     let ready = camera.ready(&colour, &depth, &options).ok().unwrap();
     let mount = ready.wheels.unwrap().base_from_camera;
     assert!((mount.translation.x - 0.01).abs() < 1e-12 && ready.without_wheels.is_none());
-    // Without being asked for it is not.
     let plain = Options::new(&Parameters::default()).unwrap();
     let ready = camera.ready(&colour, &depth, &plain).ok().unwrap();
     assert!(ready.wheels.is_none() && ready.without_wheels.is_none());

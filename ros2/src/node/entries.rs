@@ -1,4 +1,4 @@
-//! Messages as they came, on their way to the recording.
+//! Received messages as entries of the recording.
 
 use super::{nanoseconds, now};
 use crate::record::Entry;

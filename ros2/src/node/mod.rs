@@ -1,4 +1,4 @@
-//! The node: one loop that takes what came, hands frames to the run, and answers what is asked.
+//! The node: one loop that receives messages, passes frames to the run, and serves requests.
 
 mod entries;
 mod requests;
@@ -31,16 +31,16 @@ use stillpoint::ros_events::Publisher;
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::Message;
 
-/// Longest time between two looks at what is asked.
+/// Maximum interval between checks for requests.
 const LOOK: Duration = Duration::from_millis(50);
-/// Pairs of images that wait for a calibration at most: a third of a second.
+/// Maximum number of pairs of images waiting for a calibration: a third of a second.
 const PENDING: usize = 10;
-/// How often it is said how the input is.
+/// Interval of status messages.
 const STATUS: Duration = Duration::from_secs(1);
-/// What is wrong with images is said once in so long.
+/// Minimum interval of repeated warnings about images.
 const REPEAT: Duration = Duration::from_secs(5);
 
-/// A node that runs.
+/// A running node.
 pub struct Node {
     bus: Bus,
     voice: Voice,
@@ -52,17 +52,15 @@ pub struct Node {
     intake: Intake,
     camera: CameraState,
     run: Option<Run>,
-    /// Runs so far.
     number: u32,
-    /// When the run began.
     begun: Instant,
-    /// A map for the next run, and what publishes it where `odom` goes on.
+    /// A map for the next run, and its publisher if `odom` continues.
     known: Option<Known>,
     publisher: Option<Publisher>,
-    /// Why no run begins, until something is changed.
+    /// Reason not to start a run, until a setting changes.
     refused: Option<String>,
     not_ready: Option<String>,
-    /// What is wrong with the last pair, if anything.
+    /// Error of the last pair, if any.
     unreadable: Option<String>,
     paused: bool,
     waiting: Waiting,
@@ -70,17 +68,16 @@ pub struct Node {
     last_pair: Option<Instant>,
     status_at: Instant,
     counted: [u64; 2],
-    /// Pairs of images that wait for what else makes frames of them.
+    /// Pairs of images waiting for calibration.
     pending: VecDeque<Pair<Vec<u8>>>,
-    /// What was said of images, and when.
     said: BTreeMap<String, Instant>,
 }
 
 impl Node {
-    /// Joins the others.
+    /// Joins the network.
     ///
     /// # Errors
-    /// Parameters that cannot be, no network.
+    /// Invalid parameters, no network.
     pub fn start(request: &Request, reach: Reach) -> Result<Self, String> {
         let mut parameters = Parameters::new(request)?;
         let options = Options::new(&parameters)?;
@@ -158,10 +155,10 @@ impl Node {
         ));
     }
 
-    /// Runs until it is asked to stop, and finishes what is to be written.
+    /// Runs until stopped, then finishes files.
     ///
     /// # Errors
-    /// What could not be written.
+    /// Files that could not be written.
     pub fn run_until(&mut self, stop: &AtomicBool) -> Result<(), String> {
         while !stop.load(Ordering::Relaxed) {
             self.bus.wait(LOOK);
@@ -207,7 +204,7 @@ impl Node {
                 run.record(|| entries::inertial(topic.to_owned(), time, bytes.clone()));
             }
         }
-        // Frames tell when tracking has ended.
+        // The end of tracking is detected with frames.
         run.tell_inertial(inertial.into_iter().map(|(m, _)| m.sample).collect());
     }
 
@@ -233,7 +230,7 @@ impl Node {
             if self.paused {
                 continue;
             }
-            // What waits is of the same moment, or of another run of the camera.
+            // Drops pairs of another time, as of a restarted camera.
             let now = pair.colour.0;
             self.pending.retain(|p| (now - p.colour.0).abs() < 1.0);
             self.pending.push_back(pair);
@@ -256,7 +253,7 @@ impl Node {
         }
     }
 
-    /// Makes a frame of a pair and hands it over. False where the pair has to wait for what is missing yet.
+    /// Converts a pair to a frame and passes it on. Returns false if messages are missing.
     fn take_pair(&mut self, pair: &Pair<Vec<u8>>) -> Result<bool, String> {
         let topics = self.intake.topics().clone();
         let read = |bytes, compressed| {

@@ -1,4 +1,4 @@
-//! What is asked of the node, and what is done about it.
+//! Requests to the node.
 
 use super::{Node, now};
 use crate::maps;
@@ -91,7 +91,7 @@ impl Node {
         if map.view().keyframe_count() == 0 {
             return Err("there is no map yet: nothing could be recognised in it".to_owned());
         }
-        // A replay of the next run begins with this map, so it has to be in a file.
+        // A replay of the next run starts with this map, so it is saved to a file.
         let path = self.options.log.as_ref().map(|log| {
             let name = format!("{log}.{}.spmap", self.number + 1);
             PathBuf::from(name)

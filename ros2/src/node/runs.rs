@@ -1,4 +1,4 @@
-//! How runs begin and end.
+//! Start and end of runs.
 
 use super::entries::constant;
 use super::{Node, nanoseconds};
@@ -14,7 +14,7 @@ use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::{Message, Version};
 
 impl Node {
-    /// Begins a run where everything is there for one.
+    /// Does nothing while messages are missing.
     pub(super) fn begin_run(
         &mut self,
         colour: &ImageMessage<'_>,
@@ -82,7 +82,7 @@ impl Node {
         }
     }
 
-    /// What was there before the recording, and what a replay has to know.
+    /// Records messages received before the recording, and facts that a replay needs.
     fn record_constants(&self, run: &Run, time: u64) {
         for (image_topic, bytes) in self.camera.infos() {
             run.record(|| Entry {
@@ -117,12 +117,12 @@ impl Node {
                     .voice
                     .info(&format!("poses are of {}", mounting.names.body)),
             }
-            // Nobody else sets it.
+            // Cannot fail: it is set only here.
             let _ = run.decided().set(mounting);
         }
     }
 
-    /// Ends a run; the next begins with the next pair of images. `goes_on`: whether `odom` does.
+    /// Ends a run; the next starts with the next pair of images. `goes_on`: whether `odom` continues.
     pub(super) fn end_run(&mut self, goes_on: bool) -> Vec<String> {
         self.refused = None;
         self.publisher = None;

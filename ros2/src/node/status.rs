@@ -1,4 +1,4 @@
-//! How the node is, for who looks: what it waits for, and what is wrong.
+//! Status messages and diagnostics of the node.
 
 use super::{Node, REPEAT, STATUS, now};
 use crate::waiting::diagnostics;
@@ -67,7 +67,7 @@ impl Node {
         }
     }
 
-    /// Says what is wrong, but not with every image.
+    /// Prints a warning, but not with every image.
     pub(super) fn repeat(&mut self, what: &str) {
         let now = Instant::now();
         self.said.retain(|_, at| now.duration_since(*at) < REPEAT);

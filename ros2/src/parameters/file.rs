@@ -1,4 +1,4 @@
-//! Files of parameters, as rcl reads them.
+//! Parameter files, parsed as by rcl.
 
 use crate::names::NodeName;
 use crate::value::Value;
@@ -6,10 +6,10 @@ use std::path::Path;
 use stillpoint::datasets::read_regular_text;
 use yaml_rust2::{Yaml, YamlLoader};
 
-/// Bytes of a file of parameters at most.
+/// Maximum size of a parameter file, bytes.
 const LARGEST: u64 = 1 << 22;
 
-/// What a file says to a node: `/**`, its name, or its name with namespace, in the order of the file.
+/// The entries for `/**`, the node's name, or its name with namespace, in the order of the file.
 pub(super) fn read(path: &Path, node: &NodeName) -> Result<Vec<(String, Value)>, String> {
     let refuse = |expected: &str, found: &dyn std::fmt::Display| {
         format!(
@@ -69,7 +69,7 @@ fn is_for(pattern: &str, node: &NodeName) -> bool {
     matches(&parts, &full) || (parts == [node.name.as_str()] && node.namespace == "/")
 }
 
-/// `*` is one part of a name, `**` any number of them.
+/// `*` matches one part of a name, `**` any number of them.
 fn matches(pattern: &[&str], name: &[&str]) -> bool {
     match (pattern.first(), name.first()) {
         (None, None) => true,
@@ -88,7 +88,7 @@ fn values(yaml: &Yaml, prefix: &str, to: &mut Vec<(String, Value)>) -> Result<()
         let name = format!("{prefix}{key}");
         match inner {
             Yaml::Hash(_) => values(inner, &format!("{name}."), to)?,
-            // Of other parts of a system: overrides of QoS are not read.
+            // Overrides of QoS are not supported.
             _ if name.starts_with("qos_overrides.") => {}
             _ => to.push((
                 name.clone(),

@@ -1,4 +1,4 @@
-//! The parameters of the node: those of its own, and the whole configuration of the system under its own names.
+//! The parameters of the node: its own, and the whole configuration of the system under its own names.
 
 mod file;
 
@@ -9,14 +9,14 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use stillpoint::slam::Config;
 
-/// A parameter as it stands.
+/// A parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
-    /// Its value.
+    /// Current value.
     pub value: Value,
-    /// When it counts.
+    /// When changes take effect.
     pub counts: Counts,
-    /// What it means.
+    /// Description.
     pub text: String,
 }
 
@@ -25,7 +25,7 @@ pub struct Parameter {
 pub struct Parameters {
     all: BTreeMap<String, Parameter>,
     config: Config,
-    /// Whether the node has started, so that some are settled.
+    /// Whether the node has started, which fixes some parameters.
     started: bool,
 }
 
@@ -35,7 +35,7 @@ impl Default for Parameters {
     fn default() -> Self {
         let mut all = BTreeMap::new();
         for described in options::ALL {
-            // The table's own values are YAML.
+            // The table's values are valid YAML.
             let value = Value::parse(described.default).unwrap_or(Value::Text(String::new()));
             all.insert(
                 described.name.to_owned(),
@@ -67,10 +67,10 @@ fn of_config(value: Value) -> Parameter {
 }
 
 impl Parameters {
-    /// As asked for.
+    /// Parameters of the command line and its files.
     ///
     /// # Errors
-    /// A file that cannot be read, a name that nothing has, a value of another kind or out of its range.
+    /// Unreadable files, unknown names, values of wrong type or range.
     pub fn new(request: &Request) -> Result<Self, String> {
         let mut parameters = Self::default();
         for setting in &request.parameters {
@@ -93,42 +93,42 @@ impl Parameters {
         Ok(parameters)
     }
 
-    /// From now on, what counts at the start only stays as it is.
+    /// Makes parameters read-only that take effect only at the start.
     pub fn start(&mut self) {
         self.started = true;
     }
 
-    /// A value.
+    /// The value of a parameter.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&Value> {
         self.all.get(name).map(|p| &p.value)
     }
 
-    /// A parameter with what is said of it.
+    /// A parameter with its description.
     #[must_use]
     pub fn parameter(&self, name: &str) -> Option<&Parameter> {
         self.all.get(name)
     }
 
-    /// Whether it is settled by now.
+    /// Whether a parameter can no longer change.
     #[must_use]
     pub fn is_read_only(&self, name: &str) -> bool {
         let counts = self.all.get(name).map(|p| p.counts);
         self.started && counts == Some(Counts::AtStart)
     }
 
-    /// All names, in order.
+    /// All names, sorted.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.all.keys().map(String::as_str)
     }
 
-    /// The configuration that the parameters say.
+    /// The configuration of the system.
     #[must_use]
     pub fn config(&self) -> &Config {
         &self.config
     }
 
-    /// Sets several or none.
+    /// Sets several parameters or none.
     ///
     /// # Errors
     /// The first that cannot be set.
@@ -141,10 +141,10 @@ impl Parameters {
         Ok(())
     }
 
-    /// Sets one.
+    /// Sets a parameter.
     ///
     /// # Errors
-    /// A name that nothing has, a value of another kind or out of its range, or one that is settled. Nothing is changed then.
+    /// Unknown name, wrong type or range, or read-only. Nothing changes then.
     pub fn set(&mut self, name: &str, value: &Value) -> Result<(), String> {
         if self.is_read_only(name) {
             return Err(format!(
@@ -152,7 +152,7 @@ impl Parameters {
             ));
         }
         let is_weight = name.starts_with(WEIGHTS);
-        // Weights that differ from their defaults are there, and all may be set.
+        // Only weights that differ from their defaults are listed, but all may be set.
         let weight = is_weight.then(|| of_config(Value::Double(0.0)));
         let Some(known) = self.all.get(name).cloned().or(weight) else {
             return Err(self.unknown(name));
@@ -219,21 +219,21 @@ impl Parameters {
     }
 }
 
-/// The value as one of the kind of another, if it can be.
+/// Converts a value to the type of another, if possible.
 fn fit(value: &Value, like: &Value) -> Option<Value> {
     match (value, like) {
         (Value::Integer(i), Value::Double(_)) => Some(Value::Double(*i as f64)),
         (Value::Integers(l), Value::Doubles(_)) => {
             Some(Value::Doubles(l.iter().map(|i| *i as f64).collect()))
         }
-        // A word that YAML takes for something else, such as the name of a frame that is a number.
+        // A word that YAML parses as another type.
         (Value::Integer(i), Value::Text(_)) => Some(Value::Text(i.to_string())),
         _ if value.type_number() == like.type_number() => Some(value.clone()),
         _ => None,
     }
 }
 
-/// The configuration, value by value, with dotted names.
+/// The values of the configuration, with dotted names.
 fn leaves(config: &Config) -> Vec<(String, Value)> {
     let mut found = Vec::new();
     if let Ok(table) = toml::Table::try_from(config) {
@@ -242,7 +242,7 @@ fn leaves(config: &Config) -> Vec<(String, Value)> {
     found
 }
 
-/// The configuration as a table, as logs have it.
+/// The configuration as a table, as in logs.
 #[must_use]
 pub fn to_table(config: &Config) -> toml::Table {
     toml::Table::try_from(config).unwrap_or_default()
@@ -324,7 +324,7 @@ mod tests {
             "--ros-args -r __ns:=/robot1 -r __node:=eyes --params-file {}",
             path.display()
         );
-        // The configuration has a section that is called as a parameter of the node is.
+        // The configuration has a section with the name of a node parameter.
         let p = parameters(&words).unwrap();
         assert_eq!(p.config().seed, 2);
         assert_eq!(p.config().detector.stride, 4);

@@ -1,4 +1,4 @@
-//! Services by which nodes tell and take parameters (`rcl_interfaces`).
+//! Services for parameters (`rcl_interfaces`).
 
 use super::{Kind, bytes, read};
 use crate::parameters::Parameters;
@@ -6,7 +6,7 @@ use crate::value::Value;
 use std::borrow::Cow;
 use stillpoint::ros_messages as ros;
 
-/// The answer to a request about parameters; none to one that does not read, whose client waits in vain, as with any node.
+/// The answer to a request about parameters; none to an unreadable one, as with any node.
 pub(super) fn about_parameters(
     kind: Kind,
     request: &[u8],
@@ -82,7 +82,7 @@ fn result(of: Result<(), String>) -> ros::SetParametersResult<'static> {
     }
 }
 
-/// Names below the prefixes, at most so many dots deeper; all prefixes that there are.
+/// Names below the prefixes up to the requested depth, and all existing prefixes.
 fn list(
     parameters: &Parameters,
     asked: &ros::ListParametersRequest<'_>,

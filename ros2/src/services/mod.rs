@@ -1,4 +1,4 @@
-//! The services of the node: those of every node for its parameters, and what can be asked of a run.
+//! The services of the node: parameter services, and requests to the run.
 
 mod about_parameters;
 
@@ -10,22 +10,22 @@ use about_parameters::about_parameters;
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::{Format, Wire, from_bytes, to_bytes};
 
-/// What is asked of a run.
+/// A request to the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ask {
-    /// To begin anew.
+    /// Restart.
     Reset,
-    /// To write the map to `map_file`.
+    /// Save the map to `map_file`.
     SaveMap,
-    /// To go on in the map of `map_file`.
+    /// Continue in the map of `map_file`.
     LoadMap,
-    /// To leave the map as it is, or to go on with it.
+    /// Stop or resume changes of the map.
     LocalizeOnly(bool),
-    /// To let frames go by, or to look at them again.
+    /// Pause or resume.
     Pause(bool),
 }
 
-/// What was done, or why not.
+/// A success message, or an error.
 pub type Answer = Result<String, String>;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,7 +46,6 @@ enum Kind {
 const TRIGGER: &str = "std_srvs/srv/Trigger";
 const SET_BOOL: &str = "std_srvs/srv/SetBool";
 
-/// Name and type of each.
 const ALL: [(Kind, &str, &str); 11] = [
     (Kind::Reset, "~/reset", TRIGGER),
     (Kind::SaveMap, "~/save_map", TRIGGER),
@@ -85,7 +84,7 @@ const ALL: [(Kind, &str, &str); 11] = [
     ),
 ];
 
-/// The hashes of each service's type, of its requests and of its answers.
+/// Of the service, its requests and its answers.
 pub(crate) fn hashes() -> Vec<(&'static str, [String; 3])> {
     let mut all: Vec<(&'static str, [String; 3])> = ALL
         .iter()
@@ -120,22 +119,22 @@ fn hashes_of(kind: Kind, name: &str) -> [String; 3] {
     }
 }
 
-/// Services that are offered.
+/// All service servers.
 pub struct Services(Vec<(Kind, Service)>);
 
-/// A request about the run that waits for its answer.
+/// A pending request to the run.
 pub struct Asked {
-    /// What is asked.
+    /// The request.
     pub ask: Ask,
     service: usize,
     request: Request,
 }
 
 impl Services {
-    /// Offers all.
+    /// Creates all services.
     ///
     /// # Errors
-    /// What the middleware says.
+    /// Failures of the middleware.
     pub fn offer(bus: &mut Bus, node: &NodeName, remaps: &[Remap]) -> Result<Self, BusError> {
         let mut all = Vec::new();
         for (kind, name, type_name) in ALL {
@@ -145,7 +144,7 @@ impl Services {
         Ok(Self(all))
     }
 
-    /// Answers what is about parameters, and gives what is about the run. `changed` is told names that were set.
+    /// Answers parameter requests, and returns requests to the run. Appends changed parameters to `changed`.
     pub fn poll(
         &self,
         parameters: &mut Parameters,
@@ -173,13 +172,13 @@ impl Services {
         asked
     }
 
-    /// Answers a request about the run.
+    /// Answers a request to the run.
     pub fn answer(&self, asked: &Asked, answer: &Answer) {
         let (success, message) = match answer {
             Ok(done) => (true, done),
             Err(why) => (false, why),
         };
-        // `SetBool` answers with the same two fields as `Trigger`.
+        // Answers of `SetBool` and `Trigger` have the same fields.
         let message = ros::TriggerResponse {
             success,
             message: message.as_str().into(),

@@ -2,10 +2,9 @@
 
 use stillpoint::map::{Keyframe, Landmark, Map};
 
-/// What an allocation costs beside its bytes, about: counters of an `Arc`.
+/// Approximate overhead of an allocation: the counters of an `Arc`.
 const COUNTERS: usize = 16;
 
-/// Kinds of things and their bytes.
 pub(super) fn of_map(map: &Map) -> Vec<(&'static str, usize)> {
     let view = map.view();
     let sum =

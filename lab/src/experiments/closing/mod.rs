@@ -1,9 +1,9 @@
-//! Time and memory of closing one loop at the end of a long path: the loop closer alone, on a synthetic map of so many keyframes.
+//! Time and memory of closing one loop at the end of a long path: only the loop closer, on a synthetic map.
 //!
-//! Keyframes are 0.2 m apart on one circle and see 400 of the points along it, which is twice what real ones see, and the rest of their features once; the
-//! last ones see what the first ones saw. Time of each part of closing by its span, parts inside others too: `recognise` and `verify` (finding the place),
-//! `drift` and `straighten` (pose graph), `merge` (fusing), `adjust` (bundle adjustment of all). One run per process, so that its peak memory is its own. Times
-//! are of the processor, which a loaded machine does not stretch; of the clock where the system does not tell.
+//! Keyframes are 0.2 m apart on a circle. Each observes 400 of the points along it, twice as many as real ones, and further features that
+//! no other keyframe observes; the last keyframes observe the points of the first. Times per span include nested spans: `recognise` and
+//! `verify` (place recognition), `drift` and `straighten` (pose graph), `merge` (fusion), `adjust` (global bundle adjustment). One run per
+//! process, to measure its peak memory.
 
 mod memory;
 #[path = "../../../../crates/slam/tests/closing/world.rs"]
@@ -19,10 +19,9 @@ use stillpoint::slam::{Config, LoopCloser, LoopCloserMsg};
 use stillpoint::{estimation, features, geometry, map};
 use world::{STEP_M, Walk, World};
 
-/// Keyframes that see the beginning again.
 const BACK: u32 = 30;
 
-/// Time and memory of closing one loop at the end of a long path.
+/// Measures time and memory of one loop closure after a long path
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[arg(default_value_t = 2000, value_parser = clap::value_parser!(u32).range(100..))]
@@ -32,7 +31,6 @@ pub(crate) struct Arguments {
     features: usize,
 }
 
-/// What the map takes, by kind, and the process.
 fn tell_memory(walk: &Walk, places: usize, resident: f64) {
     let view = walk.map.view();
     let per_keyframe = 1.0 / view.keyframe_count() as f64;

@@ -1,4 +1,4 @@
-//! What fusing a frame costs.
+//! Cost of fusing a frame.
 
 use crate::Failure;
 use std::path::Path;
@@ -7,7 +7,7 @@ use stillpoint::dense::{DenseConfig, DenseMap, Fuser};
 use stillpoint::geometry::{Camera, Se3, nalgebra::Matrix4};
 use stillpoint::imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
 
-/// Fuses what was dumped, and says how much processor time of the user's a frame took.
+/// Prints the user CPU time per frame.
 pub(super) fn time(dir: &Path, voxel: f64, rounds: usize) -> Result<(), Failure> {
     let numbers = |name: &str| -> Result<Vec<f64>, Failure> {
         let text = std::fs::read_to_string(dir.join(name))?;
@@ -67,7 +67,7 @@ pub(super) fn time(dir: &Path, voxel: f64, rounds: usize) -> Result<(), Failure>
     Ok(())
 }
 
-/// Processor time of this process, s, as Linux counts it.
+/// User CPU time of this process, s, from Linux's `/proc`.
 fn user_seconds() -> Result<f64, Failure> {
     let text = std::fs::read_to_string("/proc/self/stat")?;
     let rest = text.rsplit(')').next().ok_or("no times")?;

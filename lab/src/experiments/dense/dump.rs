@@ -1,4 +1,4 @@
-//! Frames and poses for other programs.
+//! Export of frames and poses for other programs.
 
 use super::{Scene, chosen};
 use crate::Failure;
@@ -8,8 +8,8 @@ use stillpoint::geometry::{Camera, Se3, Vec2};
 use stillpoint::imaging::FrameSource;
 use stillpoint::recordings;
 
-/// Where frames for other programs go: `camera.txt` (width height fx fy cx cy), `poses.txt` (16 numbers a line, camera to world), and per
-/// frame `N.depth` (16 bits, 5000 per metre) and `N.rgb`.
+/// `camera.txt` (width height fx fy cx cy), `poses.txt` (16 numbers a line, camera to world), and per frame `N.depth` (16 bits, 5000 per
+/// metre) and `N.rgb`.
 struct Dump<'a> {
     dir: &'a Path,
     poses: String,
@@ -64,7 +64,7 @@ pub(super) fn dump_simulated(scene: &Scene, dir: &Path) -> Result<(), Failure> {
     dump.finish(sim.camera())
 }
 
-/// Of a recording with ground truth, without lens distortion, as other programs want it.
+/// Exports a recording with ground truth, with lens distortion removed.
 pub(super) fn dump_recorded(folder: &Path, dir: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(dir)?;
     let input = recordings::open(folder, &Default::default())?;

@@ -1,4 +1,4 @@
-//! How near a surface is to the true one.
+//! Accuracy of surfaces.
 
 use super::{Scene, chosen};
 use crate::Failure;
@@ -6,7 +6,6 @@ use crate::table::{self, Table, figure};
 use stillpoint::geometry::Vec3;
 use stillpoint::simulator::{Simulator, SimulatorConfig, Surfaces};
 
-/// Compares surfaces with the true one of a scene.
 pub(super) struct Judge {
     faces: Surfaces,
     measured: Vec<Vec3>,
@@ -23,7 +22,7 @@ impl Judge {
         })
     }
 
-    /// Distances of a surface to the true one, and how much of that it has.
+    /// Adds a row: distances to the true surface, and completeness.
     pub(super) fn add(&mut self, surface: &str, points: &[Vec3]) {
         let mut distances: Vec<f64> = points.iter().map(|p| self.faces.distance(p)).collect();
         let far = distances.iter().filter(|d| **d > 0.1).count();
@@ -52,7 +51,7 @@ impl Judge {
     }
 }
 
-/// How many points of the true surface were measured, and how many of these have a point of ours within 2 cm.
+/// Measured points of the true surface, and those with a point of the map within 2 cm.
 fn completeness(truth: &[Vec3], points: &[Vec3]) -> (usize, usize) {
     let cell = |p: &Vec3| <[i32; 3]>::from(p.map(|v| (v / 0.02).floor() as i32));
     let mut cells: Vec<([i32; 3], usize)> = points
@@ -75,7 +74,7 @@ fn completeness(truth: &[Vec3], points: &[Vec3]) -> (usize, usize) {
     (truth.len(), truth.iter().filter(|p| near(p)).count())
 }
 
-/// Points of the true surface, so far apart (m), that were measured in three frames at least.
+/// Points of the true surface, `apart` m from each other, that were measured in at least three frames.
 pub(super) fn measured(scene: &Scene, apart: f64) -> Result<Vec<Vec3>, Failure> {
     let sim = scene.simulator()?;
     let ideal = Simulator::new(&SimulatorConfig {
@@ -93,7 +92,7 @@ pub(super) fn measured(scene: &Scene, apart: f64) -> Result<Vec<Vec3>, Failure> 
         for point in points.iter_mut().filter(|p| p.seen < 3) {
             let q = from_world.transform(&point.position);
             let px = camera.project_distorted(&q);
-            // The back of a face is seen by nobody.
+            // Skips back faces.
             let faces = point.normal.dot(&(pose.translation - point.position)) > 0.0;
             if !faces || q.z < 0.35 || q.z > 3.9 || !camera.contains(px) {
                 continue;
@@ -101,7 +100,7 @@ pub(super) fn measured(scene: &Scene, apart: f64) -> Result<Vec<Vec3>, Failure> 
             let (x, y) = ((px.x + 0.5) as usize, (px.y + 0.5) as usize);
             let (x, y) = (x.min(depth.width() - 1), y.min(depth.height() - 1));
             let off = |d: f32| (f64::from(d) - q.z).abs();
-            // It is what the pixel sees, and that was measured.
+            // The point is visible at the pixel, and was measured.
             let near = off(sight.at(x, y)) < 0.005 + 0.003 * q.z && off(depth.at(x, y)) < 0.1;
             point.seen += u8::from(near && moving.at(x, y) == 0);
         }
@@ -110,14 +109,13 @@ pub(super) fn measured(scene: &Scene, apart: f64) -> Result<Vec<Vec3>, Failure> 
     Ok(seen.map(|p| p.position).collect())
 }
 
-/// A point of a true surface.
 struct Sample {
     position: Vec3,
     normal: Vec3,
     seen: u8,
 }
 
-/// Points of the true surfaces, so far apart, m.
+/// Points of the true surfaces, on a grid of spacing `apart`, m.
 fn samples(faces: &[Vec<Vec3>], apart: f64) -> Vec<Sample> {
     let mut points = Vec::new();
     for face in faces {

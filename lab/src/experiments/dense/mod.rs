@@ -1,4 +1,4 @@
-//! Figures of the dense map: how near its surface is to the true one, how much of people is in it, and what fusing a frame costs.
+//! Evaluation of the dense map: accuracy, remains of people, cost of fusing a frame.
 
 mod cost;
 mod dump;
@@ -19,7 +19,7 @@ use stillpoint::imaging::Simd;
 use stillpoint::simulator::{DetectionNoise, Simulator};
 use stillpoint::slam::{Config, Preset, Subscriber, System};
 
-/// Surfaces: how near to the true ones, how much of people is in them, what fusing a frame costs.
+/// Evaluates surfaces: accuracy, remains of people, cost of fusing a frame
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
@@ -35,7 +35,7 @@ enum What {
         #[command(flatten)]
         size: Size,
     },
-    /// Both halves of a scene at true poses, the second in other axes and put to the first
+    /// Both halves of a scene at true poses, the second in another frame and merged into the first
     Merge {
         #[command(flatten)]
         scene: Scene,
@@ -49,22 +49,22 @@ enum What {
         #[arg(value_enum, default_value_t = Filter::On)]
         filter: Filter,
     },
-    /// The floor plan at true poses against the true one
+    /// The floor plan at true poses, compared with the true one
     Plan {
         #[command(flatten)]
         scene: Scene,
     },
-    /// The surface of a recording at true poses, without what the filter says moves (no detector), as PLY
+    /// The surface of a recording at true poses, without moving regions found by the filter (no detector), as PLY
     Fuse { folder: PathBuf, file: PathBuf },
-    /// Frames and poses of a scene for other programs
+    /// Export of frames and poses of a scene for other programs
     DumpSim {
         #[command(flatten)]
         scene: Scene,
         folder: PathBuf,
     },
-    /// Frames and poses of a recording for other programs
+    /// Export of frames and poses of a recording for other programs
     DumpTum { recording: PathBuf, folder: PathBuf },
-    /// Processor time per frame of fusing what was dumped
+    /// CPU time per frame of fusing an export
     Time {
         folder: PathBuf,
         #[command(flatten)]
@@ -72,9 +72,9 @@ enum What {
         #[arg(long, default_value_t = 3)]
         rounds: usize,
     },
-    /// What a map says of 10 000 points: lines x y z and 1 (occupied), 0 (free) or -1 (unknown)
+    /// Occupancy of 10 000 points of a map: lines x y z and 1 (occupied), 0 (free) or -1 (unknown)
     Points { map: PathBuf, file: PathBuf },
-    /// A surface that another program made of a scene: floats x y z of its points
+    /// A surface of a scene made by another program: floats x y z of its points
     Score {
         #[command(flatten)]
         scene: Scene,
@@ -87,7 +87,7 @@ struct Scene {
     /// Simulated scene
     #[arg(id = "scene", value_name = "SCENE")]
     name: String,
-    /// Frames, of 30 per second; the scene's own length without it
+    /// Frames, at 30 per second [default: the whole scene]
     #[arg(long)]
     frames: Option<usize>,
 }
@@ -100,7 +100,7 @@ impl Scene {
 
 #[derive(clap::Args)]
 struct Size {
-    /// Side of a voxel, m
+    /// Voxel size, m
     #[arg(long, default_value_t = 0.02)]
     voxel: f64,
 }
@@ -133,7 +133,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Every second frame: 15 Hz, as a run takes them.
+/// 15 Hz, the rate at which a run fuses frames.
 fn chosen(sim: &Simulator) -> impl Iterator<Item = usize> + use<> {
     (0..sim.len()).step_by(2)
 }
@@ -145,7 +145,6 @@ fn at_true_poses(scene: &Scene, voxel: f64) -> Result<(), Failure> {
     judged(scene, "at true poses", &points)
 }
 
-/// Compares one surface with the true one.
 fn judged(scene: &Scene, surface: &str, points: &[Vec3]) -> Result<(), Failure> {
     let mut judge = Judge::new(scene)?;
     judge.add(surface, points);
@@ -153,7 +152,7 @@ fn judged(scene: &Scene, surface: &str, points: &[Vec3]) -> Result<(), Failure> 
     Ok(())
 }
 
-/// Frames at true poses, in axes in which the world of the simulator lies so.
+/// Fuses frames at true poses into a map with the given frame.
 fn fused(
     sim: &Simulator,
     frames: impl Iterator<Item = usize>,
@@ -173,7 +172,7 @@ fn fused(
     Ok(fuser.map().clone())
 }
 
-/// The first half, the second one, both put together, and all in one run.
+/// Evaluates both halves, their merger, and all frames in one run.
 fn merged(scene: &Scene, voxel: f64) -> Result<(), Failure> {
     let sim = scene.simulator()?;
     let half = sim.len() / 2;
@@ -205,7 +204,6 @@ fn merged(scene: &Scene, voxel: f64) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Corners and middles of triangles.
 fn points_of(mesh: &Mesh) -> Vec<Vec3> {
     let corners = (0..mesh.positions.len() as u32).map(|i| mesh.position(i));
     let middles = mesh.triangles.iter().map(|t| {

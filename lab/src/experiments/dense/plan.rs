@@ -1,4 +1,4 @@
-//! The floor plan against the true one, and what a map says of points.
+//! Evaluation of the floor plan, and occupancy of points.
 
 use super::measure::measured;
 use super::{Scene, chosen};
@@ -51,7 +51,7 @@ pub(super) fn plan(scene: &Scene) -> Result<(), Failure> {
     };
     let around = |c: [i64; 2]| (0..9).map(move |k| [c[0] + k % 3 - 1, c[1] + k / 3 - 1]);
     let cells = (0..plan.height as i64).flat_map(|y| (0..plan.width as i64).map(move |x| [x, y]));
-    // Of cells that nothing true is in or beside, those that are called free or occupied.
+    // Among cells without a true surface in or beside them.
     let (mut free, mut wrong, mut false_free, mut all_free) = (0, 0, 0, 0);
     for c in cells {
         let empty = !around(c).any(|n| taken.contains(&n));

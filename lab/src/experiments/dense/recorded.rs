@@ -11,7 +11,7 @@ use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::recordings;
 use stillpoint::slam::{Config, Subscriber, System};
 
-/// Runs on a recording with ground truth, and fuses its frames at the true poses: in the world of these.
+/// Runs on a recording, and fuses its frames at the true poses.
 pub(super) fn fuse(folder: &Path, file: &Path) -> Result<(), Failure> {
     let input = recordings::open(folder, &Default::default())?;
     let truth = input.ground_truth()?.ok_or("no ground truth")?;

@@ -1,6 +1,6 @@
-//! Ways of recognising places, compared on real and simulated recordings of which the overlap of all views is known.
+//! Comparison of place recognition methods on recordings with known overlap of all views.
 //!
-//! A row per way; vocabularies that are named get rows of their own. Some minutes: it renders more than 2000 images.
+//! A row per method; vocabularies in the arguments get further rows. Takes some minutes, to render more than 2000 images.
 
 use super::hamming_tree::HammingTree;
 use super::judge::{Figures, Trial};
@@ -16,16 +16,16 @@ use std::process::ExitCode;
 use std::time::Instant;
 use stillpoint::place::Vocabulary;
 
-/// The real recording, small enough for the yardstick.
+/// The real recording, small enough for the reference method.
 const KITCHEN: &str = "kitchen";
 
-/// Compares ways of recognising places, where the overlap of all views is known
+/// Compares place recognition methods, with known overlap of all views
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Rooms, of seeds from 0 on; the vocabulary is trained on others
     #[arg(long, default_value_t = 4)]
     seeds: u64,
-    /// Frames of every scene, at most
+    /// Maximum number of frames per scene
     #[arg(long)]
     frames: Option<usize>,
     /// Further vocabularies
@@ -107,7 +107,7 @@ fn trials(arguments: &Arguments) -> Result<Trials, Failure> {
             seed,
             frames: arguments.frames,
         })?;
-        // The office of a seed has the posters, chairs and floors of its two rooms, at other places.
+        // The office has the same posters, chairs and floors, at other places.
         let office: Result<Vec<Vec<Keyframe>>, Failure> = all(["halfsphere", "rpy", "xyz"], None);
         let people = ["walking_xyz", "walking_rpy", "walking_halfsphere"];
         let people: Result<Vec<Vec<Keyframe>>, Failure> = all(people, Some(600));
@@ -124,7 +124,7 @@ fn trials(arguments: &Arguments) -> Result<Trials, Failure> {
     Ok(trials)
 }
 
-/// Adds a row; of a yardstick the first trial alone, because it takes its time.
+/// Adds a row; of the slow reference method only the first trial.
 fn report(table: &mut Table, method: &mut dyn Method, trials: &Trials, yardstick: bool) {
     let mut row = vec![method.name()];
     let shown = if yardstick { 1 } else { trials.len() };

@@ -1,13 +1,13 @@
-//! An incremental index that needs no vocabulary: a Hamming binary search tree after Schlegel and Grisetti, "HBST: a Hamming distance embedding binary search
-//! tree for feature-based visual place recognition", RA-L 2018, from the paper. Inner nodes ask for one bit; a leaf that is full is split by the bit that halves
-//! it best. A descriptor looks for partners in its leaf only, and votes for each keyframe that has one.
+//! An incremental index without a vocabulary: a Hamming binary search tree after Schlegel and Grisetti, "HBST: a Hamming distance embedding
+//! binary search tree for feature-based visual place recognition", RA-L 2018, implemented from the paper. Inner nodes test one bit; a full
+//! leaf is split by the most balanced bit. A descriptor is compared only with those in its leaf, and votes for each keyframe with a match.
 
 use super::method::{Method, best};
 use stillpoint::features::Descriptor;
 
 /// A leaf with more descriptors than this is split.
 const LEAF: usize = 100;
-/// A bit splits a leaf only if the share of descriptors that have it set differs from one half by less than this.
+/// Maximum deviation from one half of the share of descriptors with a bit set for which a leaf may be split by it.
 const BALANCE: f64 = 0.1;
 
 #[derive(Clone)]
@@ -17,7 +17,7 @@ enum Node {
 }
 
 pub(crate) struct HammingTree {
-    /// Descriptors that differ in at most this many bits are partners.
+    /// Maximum Hamming distance of matching descriptors.
     distance: u32,
     nodes: Vec<Node>,
 }
@@ -46,7 +46,7 @@ impl HammingTree {
         let Node::Leaf(entries) = &mut self.nodes[at] else {
             return;
         };
-        // The bits above are the same in all, so they halve nothing.
+        // Bits tested above are equal in all entries, so they are never chosen.
         let off_balance = |b: u8| {
             let ones = entries.iter().filter(|(d, _)| bit(d, b) == 1).count();
             (ones as f64 / entries.len() as f64 - 0.5).abs()
@@ -83,7 +83,7 @@ impl HammingTree {
                     voted.resize(key + 1, usize::MAX);
                     votes.resize(key + 1, 0);
                 }
-                // One vote of each descriptor for each keyframe.
+                // Each descriptor votes once per keyframe.
                 if voted[key] != number {
                     voted[key] = number;
                     votes[key] += 1;

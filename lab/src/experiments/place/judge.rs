@@ -1,20 +1,20 @@
-//! How well a method recognises places whose overlap is known.
+//! Scores of place recognition with known overlap.
 
 use super::keyframes::Keyframe;
 use super::method::Method;
 
-/// Views that share at least this much are the same place.
+/// Minimum overlap of views of the same place.
 const SAME: f64 = 0.3;
-/// Views that share less than this are different places. Views between this and `SAME` count as neither right nor wrong.
+/// Views with less overlap are different places. Those in between are neither right nor wrong.
 const OTHER: f64 = 0.05;
-/// Keyframes nearer in time are not asked for, s.
+/// Keyframes closer in time are excluded from queries, s.
 const RECENT: f64 = 5.0;
 
-/// Keyframes in the order of time, and others of elsewhere that look alike.
+/// Keyframes in temporal order, and distractors: similar keyframes of another place.
 pub(crate) struct Trial {
     pub(crate) keyframes: Vec<Keyframe>,
     pub(crate) elsewhere: Vec<Keyframe>,
-    /// Overlap of keyframe i with the earlier keyframe j, by i and j.
+    /// Overlap of keyframe i with the earlier keyframe j.
     overlaps: Vec<Vec<f32>>,
 }
 
@@ -35,7 +35,6 @@ impl Trial {
         self.keyframes[i].stamp - self.keyframes[j].stamp < RECENT
     }
 
-    /// Keyframes that have been at their place before.
     pub(crate) fn revisits(&self) -> usize {
         (0..self.keyframes.len())
             .filter(|i| self.is_revisit(*i))
@@ -47,31 +46,29 @@ impl Trial {
     }
 }
 
-/// What one keyframe found.
 #[derive(Clone, Copy)]
 struct Found {
     revisit: bool,
-    /// Score of the first, and the same in relation to the keyframe before.
+    /// Score of the best match: raw, and relative to the previous keyframe's.
     score: [f64; 2],
     right: bool,
     wrong: bool,
-    /// Rank of the first right one.
+    /// Rank of the first correct match.
     rank: Option<usize>,
 }
 
-/// Sums of one or more trials.
 #[derive(Default)]
 pub(crate) struct Figures {
     found: Vec<Found>,
 }
 
-/// What the table says of one method and some trials, shares of the revisits.
+/// Results of a method, as shares of the revisits.
 pub(crate) struct Row {
-    /// The first is right and has a higher score than any wrong first: by score, by score in relation to the keyframe before.
+    /// The best match is correct and scores higher than any wrong one: raw, relative.
     pub(crate) safe: [f64; 2],
-    /// The first is right.
+    /// The best match is correct.
     pub(crate) first: f64,
-    /// One of the first ten is right.
+    /// One of the ten best matches is correct.
     pub(crate) ten: f64,
 }
 

@@ -1,29 +1,26 @@
-//! The ways of recognising a place that are compared.
+//! The compared place recognition methods.
 
 use std::sync::Arc;
 use stillpoint::features::{Descriptor, match_brute_force};
 use stillpoint::place::{PlaceIndex, PlaceVector, Vocabulary};
 
-/// A way of recognising a place. Keyframes are named by their numbers.
+/// A place recognition method. Keyframes are identified by numbers.
 pub(crate) trait Method {
-    /// What the table calls it.
     fn name(&self) -> String;
-    /// Forgets all keyframes.
     fn clear(&mut self);
-    /// Adds a keyframe.
     fn insert(&mut self, key: usize, descriptors: &[Descriptor]);
-    /// The most alike keyframes of those admitted, best first, with their scores.
+    /// The most similar admitted keyframes, best first, with their scores.
     fn query(
         &self,
         descriptors: &[Descriptor],
         admit: &dyn Fn(usize) -> bool,
         limit: usize,
     ) -> Vec<(usize, f64)>;
-    /// Bytes that the index takes, beside the descriptors that keyframes hold anyway.
+    /// Memory of the index, without the descriptors that keyframes hold anyway.
     fn bytes(&self) -> usize;
 }
 
-/// The library: words make the shortlist, and decide alone when `features` is false.
+/// The library's method: words make the shortlist, and also decide if `features` is false.
 pub(crate) struct Words {
     pub(crate) name: String,
     pub(crate) vocabulary: Vocabulary,
@@ -78,7 +75,7 @@ impl Method for Words {
     }
 }
 
-/// Best score first, then by key.
+/// Sorts by descending score, then by key.
 pub(crate) fn best(mut scores: Vec<(usize, f64)>, limit: usize) -> Vec<(usize, f64)> {
     scores.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     scores.retain(|s| s.1 > 0.0);
@@ -86,7 +83,7 @@ pub(crate) fn best(mut scores: Vec<(usize, f64)>, limit: usize) -> Vec<(usize, f
     scores
 }
 
-/// Every descriptor against every other: what descriptors can give, at a price that no system pays.
+/// All pairs of descriptors: an upper bound, too slow for any system.
 #[derive(Default)]
 pub(crate) struct BruteForce {
     images: Vec<(usize, Vec<Descriptor>)>,

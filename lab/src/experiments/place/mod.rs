@@ -1,4 +1,4 @@
-//! Ways of recognising places, compared, and the training of the vocabulary that is embedded.
+//! Comparison of place recognition methods, and training of the embedded vocabulary.
 
 mod compare;
 mod hamming_tree;
@@ -13,7 +13,7 @@ use crate::Failure;
 use std::process::ExitCode;
 use stillpoint::{datasets, features, geometry, imaging, simulator};
 
-/// Ways of recognising places, compared, and the training of the vocabulary that is embedded.
+/// Compares place recognition methods, and trains the embedded vocabulary
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(subcommand)]

@@ -1,5 +1,5 @@
-//! Words that nobody trained: in each of several tables a word is a handful of bits of the descriptor, drawn once (bit sampling: Indyk, Motwani, STOC 1998).
-//! Weights are the document frequencies of what is in the index.
+//! Untrained words: in each of several tables a word is a few bits of the descriptor at random positions (bit sampling: Indyk, Motwani,
+//! STOC 1998). Weights are the document frequencies in the index.
 
 use super::method::{Method, best};
 use stillpoint::features::Descriptor;
@@ -30,7 +30,6 @@ impl RandomWords {
         }
     }
 
-    /// Ascending words with their counts.
     fn words(&self, descriptors: &[Descriptor]) -> Vec<(u32, u32)> {
         let mut words: Vec<u32> = Vec::new();
         for (number, bits) in self.tables.iter().enumerate() {
@@ -45,7 +44,6 @@ impl RandomWords {
         runs.map(|run| (run[0], run.len() as u32)).collect()
     }
 
-    /// Inverse document frequencies of all words.
     fn weights(&self) -> Vec<f64> {
         let all = self.images.len() as f64 + 1.0;
         let weight = |count: &u32| libm::log(all / (f64::from(*count) + 1.0)).max(0.0);

@@ -1,8 +1,8 @@
-//! Training: a tree of binary centres by majority votes.
+//! Training of the vocabulary: a tree of binary centres by majority votes.
 //!
-//! Each level parts the descriptors of a node among its children: first centres as in k-means++ (Arthur, Vassilvitskii, SODA 2007), then rounds of "each
-//! descriptor to the nearest centre, each centre to the majority of its descriptors' bits" (Grana et al., "A fast approach for integrating ORB descriptors in
-//! the bag of words model", 2013).
+//! Each level distributes the descriptors of a node among its children: first centres as in k-means++ (Arthur, Vassilvitskii, SODA 2007),
+//! then rounds of "each descriptor to the nearest centre, each centre to the majority of its descriptors' bits" (Grana et al., "A fast
+//! approach for integrating ORB descriptors in the bag of words model", 2013).
 
 use super::keyframes::{Simulated, recorded, simulated};
 use crate::Failure;
@@ -13,36 +13,33 @@ use std::process::ExitCode;
 use stillpoint::features::Descriptor;
 use stillpoint::place::Vocabulary;
 
-/// Trains on every 4th image of the recording `fr1_xyz` and every 12th of `corridor_fixed`. `lab place compare` tests on another recording and on rooms of
-/// other seeds, so what is embedded has seen nothing of what it is tested on.
+/// Trains on every 4th image of the recording `fr1_xyz` and every 12th of `corridor_fixed`. `lab place compare` tests on another recording
+/// and on rooms of other seeds, so training and test data are disjoint.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Where the vocabulary goes; without it where it is embedded from
+    /// Output file [default: the file that is embedded]
     file: Option<PathBuf>,
-    /// Trains on images of simulated rooms, of seeds from 1000 on, too
+    /// Also train on images of simulated rooms, of seeds from 1000 on
     #[arg(long)]
     rooms: bool,
-    /// Trains without the recordings
+    /// Train without the recordings
     #[arg(long, requires = "rooms")]
     no_recordings: bool,
 }
 
-/// 4680 centres of 32 bytes, 4096 of which are words. Features are paired within 512 groups of 8 words.
+/// 4680 centres of 32 bytes, 4096 of which are words. Features are matched within 512 groups of 8 words.
 const SHAPE: Shape = Shape {
     branching: 8,
     levels: 4,
     match_level: 3,
 };
 
-/// Rounds at each node.
+/// Maximum number of rounds at each node.
 const ROUNDS: usize = 10;
 
-/// The shape of a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Shape {
-    /// Children of each node.
     branching: u8,
-    /// Levels below the root.
     levels: u8,
     /// Level of the nodes in which features are matched.
     match_level: u8,
@@ -60,7 +57,7 @@ impl Random {
     }
 }
 
-/// Trains on the descriptors of images; the bytes are what [`Vocabulary::from_bytes`] reads.
+/// Returns the bytes of a vocabulary for [`Vocabulary::from_bytes`].
 fn train(images: &[&[Descriptor]], shape: Shape, seed: u64) -> Result<Vec<u8>, Failure> {
     let all: Vec<Descriptor> = images.iter().flat_map(|i| i.iter().copied()).collect();
     let mut random = Random(seed);
@@ -82,7 +79,7 @@ fn train(images: &[&[Descriptor]], shape: Shape, seed: u64) -> Result<Vec<u8>, F
         }
         nodes = children;
     }
-    // The document frequencies are those of the words as they are read: through the file.
+    // Document frequencies need the words as the library assigns them.
     let words = nodes.len();
     let mut unweighted = bytes.clone();
     unweighted.resize(bytes.len() + 2 * words, 0);
@@ -98,7 +95,7 @@ fn train(images: &[&[Descriptor]], shape: Shape, seed: u64) -> Result<Vec<u8>, F
     }
     let all = images.len() as f64;
     for count in documents {
-        // One more image that has every word: a word that training never saw is rare, not impossible.
+        // A virtual image with every word makes words absent from training rare, not impossible.
         let idf = libm::log((all + 1.0) / (f64::from(count) + 1.0));
         bytes.extend(((1024.0 * idf).round() as u16).to_le_bytes());
     }
@@ -116,7 +113,7 @@ fn nearest(descriptor: &Descriptor, centres: &[Descriptor]) -> (usize, u32) {
     best
 }
 
-/// The centres of one node's children; of too few descriptors some centres are equal, and the later ones stay without words.
+/// The centres of one node's children. With few descriptors some are equal, and the later ones get no words.
 fn centres(descriptors: &[Descriptor], count: usize, random: &mut Random) -> Vec<Descriptor> {
     if descriptors.is_empty() {
         return vec![Descriptor::default(); count];
@@ -149,7 +146,7 @@ fn centres(descriptors: &[Descriptor], count: usize, random: &mut Random) -> Vec
     centres
 }
 
-/// One descriptor by chance, then each by chance in proportion to its squared distance to the nearest one chosen.
+/// k-means++: draws each centre in proportion to its squared distance from the nearest previous one.
 fn first_centres(descriptors: &[Descriptor], count: usize, random: &mut Random) -> Vec<Descriptor> {
     let mut centres = vec![descriptors[(random.bits() % descriptors.len() as u64) as usize]];
     let mut distances = vec![u64::MAX; descriptors.len()];
@@ -171,7 +168,6 @@ fn first_centres(descriptors: &[Descriptor], count: usize, random: &mut Random) 
     centres
 }
 
-/// The images to train on.
 fn images(real: bool, simulated_rooms: bool) -> Result<Vec<Vec<Descriptor>>, Failure> {
     let mut keyframes = Vec::new();
     for (name, every) in [("fr1_xyz", 4), ("corridor_fixed", 12)] {
@@ -225,7 +221,7 @@ mod tests {
     fn what_is_trained_reads_back_and_parts_descriptors_that_differ() {
         let mut random = Random(7);
         let [low, high] = [0, u64::MAX].map(|base| {
-            // A few bits off a centre.
+            // A centre with a random bit flipped in each word.
             let near = |_| Descriptor([base ^ (1 << (random.bits() % 64)); 4]);
             (0..40).map(near).collect::<Vec<_>>()
         });

@@ -1,6 +1,6 @@
 //! Time and memory of pose graph optimisation and full bundle adjustment on large synthetic maps.
 //!
-//! Keyframes are 0.2 m apart, with 50 points for each. One run per process, so that its peak memory is its own. Times are of the processor.
+//! Keyframes are 0.2 m apart, with 50 points for each. One run per process, to measure its peak memory. Times are CPU times.
 
 use crate::Failure;
 use crate::experiments::shared::process::{computed, memory_mb};
@@ -22,9 +22,9 @@ pub(crate) struct Arguments {
 
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Kind {
-    /// Bundle adjustment of one loop, ever longer
+    /// Bundle adjustment of one loop of growing length
     Path,
-    /// Bundle adjustment of the same 40 m again and again
+    /// Bundle adjustment of repeated laps of 40 m
     Laps,
     /// Pose graph
     Graph,
@@ -36,7 +36,7 @@ const CAMERA: Intrinsics = Intrinsics {
     cx: 320.0,
     cy: 240.0,
 };
-/// Observations of a keyframe, about.
+/// Approximate number of observations per keyframe.
 const PER_KEYFRAME: f64 = 400.0;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
@@ -55,7 +55,7 @@ fn normal(random: &mut Rng) -> f64 {
     (0..12).map(|_| random.unit() - 0.5).sum()
 }
 
-/// The pose `world_from_camera` at a place (m) on a circle, looking ahead.
+/// The pose `world_from_camera` at a position (m) on a circle, looking ahead.
 fn pose(place: f64, length: f64) -> Se3 {
     let angle = place / length * std::f64::consts::TAU;
     let radius = length / std::f64::consts::TAU;
@@ -63,13 +63,13 @@ fn pose(place: f64, length: f64) -> Se3 {
         * Se3::new(Default::default(), Vec3::new(radius, 0.0, 0.0))
 }
 
-/// A world along a circle of this length, seen from keyframes that go round it; poses wrong by centimetres.
+/// Points along a circle, observed by keyframes that circle it; poses have errors of centimetres.
 fn world(keyframes: usize, length: f64) -> BundleProblem {
     let random = &mut rng(1, 0, Purpose(1000));
     let truth: Vec<Se3> = (0..keyframes)
         .map(|i| pose(0.2 * i as f64, length))
         .collect();
-    // Keyframes sorted by place, to find those that may see a point.
+    // Keyframes sorted by position, to find those that may observe a point.
     let mut by_place: Vec<(f64, usize)> = (0..keyframes)
         .map(|i| ((0.2 * i as f64) % length, i))
         .collect();
@@ -165,7 +165,7 @@ fn bundle(keyframes: usize, length: f64) {
     );
 }
 
-/// A chain that drifts, four further edges per keyframe, and loops where a lap of 40 m meets the one before.
+/// A chain with drift, four further edges per keyframe, and loops where a lap of 40 m meets the previous one.
 fn graph(keyframes: usize) {
     let random = &mut rng(2, 0, Purpose(1000));
     let truth: Vec<Se3> = (0..keyframes).map(|i| pose(0.2 * i as f64, 40.0)).collect();
@@ -192,7 +192,7 @@ fn graph(keyframes: usize) {
     }
     let mut nodes = vec![truth[0]];
     for i in 1..keyframes as u32 {
-        // The edge from the keyframe before is there for each.
+        // Every node has an edge from its predecessor.
         let step = edges.iter().find(|e| (e.a, e.b) == (i - 1, i));
         let step = step.map_or(Se3::identity(), |e| e.a_from_b);
         nodes.push(nodes[i as usize - 1] * step);

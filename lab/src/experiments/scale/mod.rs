@@ -1,4 +1,4 @@
-//! What is large: rooms, images and rates, and maps.
+//! Scale: rooms, images and rates, and maps.
 
 mod maps;
 mod rooms;
@@ -6,7 +6,7 @@ mod rooms;
 use crate::Failure;
 use std::process::ExitCode;
 
-/// Accuracy in rooms, at resolutions and rates of all sizes; time and memory of solvers on maps of all sizes.
+/// Measures accuracy over room size, resolution and frame rate, and time and memory of solvers over map size
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
@@ -15,7 +15,7 @@ pub(crate) struct Arguments {
 
 #[derive(clap::Subcommand)]
 enum Of {
-    /// Accuracy over the size of the room, the resolution and the frame rate
+    /// Accuracy over room size, resolution and frame rate
     Rooms(rooms::Arguments),
     /// Time and memory of bundle adjustment and pose graphs on synthetic maps
     Maps(maps::Arguments),

@@ -1,6 +1,6 @@
-//! Accuracy over the size of the room, the resolution and the frame rate: simulated scenes, each compared with itself at scale 1, 640x480 and 30 Hz.
+//! Accuracy over room size, resolution and frame rate: scenes compared with themselves at scale 1, 640x480 and 30 Hz.
 //!
-//! A row per variant, with the median of the error over the size of the scene, and how that compares.
+//! A row per variant, with the median error relative to the scene's size, and its ratio to the reference.
 
 use crate::Failure;
 use crate::experiments::shared::{ate_mm, each_seed, final_poses, lost, truth};
@@ -13,10 +13,10 @@ use stillpoint::slam::{Config, System};
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Seeds of every scene
+    /// Seeds per scene
     #[arg(long, default_value_t = 5)]
     seeds: u64,
-    /// Seconds of every run
+    /// Duration of every run, s
     #[arg(long, default_value_t = 10.0)]
     seconds: f64,
     /// Simulated scenes, without people and with
@@ -24,11 +24,10 @@ pub(crate) struct Arguments {
     scenes: Vec<String>,
 }
 
-/// What differs from the usual.
 #[derive(Clone, Copy)]
 struct Variant {
     scale: f64,
-    /// Width of the image, px; its field of view stays the same.
+    /// Width of the image, px; the field of view stays the same.
     width: u32,
     height: u32,
     rate: f64,
@@ -53,7 +52,7 @@ fn variants() -> Vec<Variant> {
     all
 }
 
-/// A camera with the horizontal field of view of the simulator's own.
+/// A camera with the horizontal field of view of the simulator's default.
 fn camera(variant: &Variant) -> Camera {
     let own = SimulatorConfig::default().camera;
     let zoom = f64::from(variant.width) / f64::from(own.width);
@@ -70,7 +69,7 @@ fn camera(variant: &Variant) -> Camera {
     )
 }
 
-/// The error of a run, mm, and how many of its frames have no pose.
+/// The ATE of a run, mm, and its number of frames without a pose.
 fn measure(
     scene: &str,
     seed: u64,

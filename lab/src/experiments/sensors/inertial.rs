@@ -11,7 +11,7 @@ use stillpoint::slam::{Config, Stages, System};
 pub(crate) enum Inertial {
     Without,
     With,
-    /// Mounted by 90 degrees otherwise than the calibration says.
+    /// Mounted at 90 degrees to the calibrated orientation.
     Turned,
 }
 
@@ -80,7 +80,7 @@ impl Sensor for Inertial {
         Ok(scores.collect())
     }
 
-    /// Of the sensor as it should be, against the runs without it.
+    /// Only correctly mounted sensors have a bound, relative to the runs without one.
     fn holds(self, scene: &str, runs: &[&Score], without: &[&Score]) -> Option<bool> {
         let ([median, _, worst], [plain, _, plain_worst]) = (ate(runs), ate(without));
         if self != Self::With {

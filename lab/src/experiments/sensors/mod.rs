@@ -1,6 +1,6 @@
-//! What sensors beside the camera are worth: simulated scenes with and without them, against exact poses. No detector.
+//! Benefit of further sensors: simulated scenes with and without them, without a detector.
 //!
-//! A row per scene and way to run it, with the median and the worst of the seeds. The exit code is 1 where a bar is missed.
+//! A row per scene and variant, with the median and the worst of the seeds. The exit code is 1 if a bound is missed.
 
 mod inertial;
 mod odometry;
@@ -20,37 +20,35 @@ use stillpoint::imaging::RgbdFrame;
 use stillpoint::simulator::Simulator;
 use stillpoint::slam::{Outcome, System};
 
-/// Simulated scenes with and without the sensor: starts in crowds, rooms in which nobody is, views that are blocked.
+/// Simulated scenes with and without the sensor: starts in crowds, rooms without people, blocked views
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Seeds of every scene
+    /// Seeds per scene
     #[arg(long, default_value_t = 4)]
     seeds: u64,
-    /// Frames of every run; blocked views have their own length
+    /// Frames per run; blocked views have their own length
     #[arg(long, default_value_t = 100)]
     frames: usize,
-    /// Simulated scenes; all that the sensor is measured in without any
+    /// Simulated scenes [default: all scenes of the sensor]
     scenes: Vec<String>,
 }
 
-/// A kind of sensor: ways to run a scene.
+/// A kind of sensor; its values are variants of a run.
 pub(crate) trait Sensor: Copy + 'static {
-    /// Starts in crowds, then scenes in which nobody is, then views that are blocked.
+    /// Starts in crowds, then scenes without people, then blocked views.
     const SCENES: &'static [&'static str];
-    /// The first is without the sensor.
+    /// All variants; the first is without the sensor.
     const ALL: &'static [Self];
 
-    /// What the table calls it.
     fn name(self) -> &'static str;
 
-    /// All ways to run a scene, whose frames are rendered once.
+    /// Runs all variants on a scene; its frames are rendered once.
     fn measure(simulator: Simulator, seed: u64) -> Result<Vec<Score>, Failure>;
 
-    /// Whether runs meet the bar of their scene, against those without the sensor; `None` where there is no bar.
+    /// Whether runs meet their bound, relative to those without the sensor; `None` without a bound.
     fn holds(self, scene: &str, runs: &[&Score], without: &[&Score]) -> Option<bool>;
 }
 
-/// What became of a run.
 #[derive(Default)]
 pub(crate) struct Score {
     /// ATE of the final poses, mm.
@@ -59,7 +57,7 @@ pub(crate) struct Score {
     carried: usize,
     /// Errors of the pose in the last second, relative to the first frame: m and deg.
     end: [f64; 2],
-    /// What was said of the sensor at last.
+    /// Final state of the sensor.
     said: String,
     slips: u32,
 }
@@ -98,7 +96,7 @@ impl Run {
         }
     }
 
-    /// `end`: until when the last second goes, s.
+    /// `end`: end of the last second, s.
     fn score(mut self, truth: &[(f64, Se3)], end: f64) -> Score {
         self.system.finish();
         let exact: Vec<TimedPose> = truth.iter().copied().map(timed).collect();
@@ -109,7 +107,7 @@ impl Run {
     }
 }
 
-/// The greatest errors of place, m, and direction, deg, after a time, s, as known at each frame, relative to the first frame.
+/// Maximum error of online poses after a time, s, relative to the first frame: m and deg.
 fn end_error(online: &[(f64, Se3)], truth: &[(f64, Se3)], after: f64) -> [f64; 2] {
     let exact = |stamp: f64| truth.iter().find(|t| t.0 == stamp).map(|t| t.1);
     let first = online.first().map(|first| (first.1, exact(first.0)));
@@ -125,12 +123,11 @@ fn end_error(online: &[(f64, Se3)], truth: &[(f64, Se3)], after: f64) -> [f64; 2
     errors.fold([0.0; 2], |a, b| [a[0].max(b[0]), a[1].max(b[1])])
 }
 
-/// ATE of runs, mm: median, least, greatest.
+/// ATE of runs, mm: median, minimum, maximum.
 fn ate(runs: &[&Score]) -> [f64; 3] {
     spread(runs.iter().map(|s| s.ate))
 }
 
-/// Adds the row of one way to run a scene.
 fn add(table: &mut Table, scene: &str, name: &str, runs: &[&Score], holds: Option<bool>) {
     let sum = |f: fn(&Score) -> usize| runs.iter().map(|s| f(s)).sum::<usize>().to_string();
     let end = [0, 1].map(|k| spread(runs.iter().map(|s| s.end[k]))[2]);

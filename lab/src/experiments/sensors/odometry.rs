@@ -1,4 +1,4 @@
-//! Scenes with and without wheels, right and wrong ones.
+//! Scenes with and without wheel odometry, correct and faulty.
 
 use super::{Run, Score, Sensor, ate};
 use crate::Failure;
@@ -11,13 +11,13 @@ use stillpoint::slam::{Config, Stages, System};
 pub(crate) enum Odometry {
     Without,
     With,
-    /// Of a camera that is mounted by 90 degrees otherwise than stated.
+    /// With a camera mounted at 90 degrees to the stated orientation.
     Turned,
-    /// Says for ever that nothing moves.
+    /// Always reports standstill.
     Stuck,
     /// Jumps by 0.2 m and 0.2 rad.
     Wild,
-    /// Wheels spin for half a second at every second one, by 0.5 m/s.
+    /// Wheels spin at 0.5 m/s for half of every second.
     Slipping,
 }
 
@@ -128,14 +128,14 @@ impl Sensor for Odometry {
         let right = self == Self::With;
         let holds = match scene {
             _ if self == Self::Without => return None,
-            // Three seconds blind: 3 % of the way, and a degree.
+            // Three seconds without vision: 3 % of the path, and a degree.
             _ if scene.starts_with("blocked") && right => runs
                 .iter()
                 .all(|s| s.lost == 0 && s.end[0] <= 0.05 && s.end[1] <= 1.5),
             _ if scene.starts_with("blocked") => true,
             _ if scene.starts_with("crowd") => worst <= plain_worst.max(5.0),
             _ if right => median <= 1.01 * plain,
-            // What wrong odometry may cost where the map holds.
+            // Allowed cost of faulty odometry where the map suffices.
             _ => median <= 1.05 * plain,
         };
         Some(holds)

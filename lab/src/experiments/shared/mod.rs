@@ -1,4 +1,4 @@
-//! What experiments have in common: simulated scenes and what is scored on them, seeds and bars.
+//! Shared parts of experiments: simulated scenes and their scores, seeds and bounds.
 
 pub(crate) mod process;
 pub(crate) mod spans;
@@ -28,7 +28,6 @@ pub(crate) fn scene(name: &str, seed: u64, frames: Option<usize>) -> Result<Simu
     })?)
 }
 
-/// What the simulated detector says of all frames.
 pub(crate) fn script(
     simulator: &Simulator,
     noise: &DetectionNoise,
@@ -55,7 +54,6 @@ pub(crate) fn script(
     said.map(row).collect()
 }
 
-/// A detector that says what is in a script.
 pub(crate) fn scripted(script: &[ScriptRow]) -> Result<Box<dyn Detector>, Failure> {
     Ok(Box::new(ScriptedDetector::new(
         "simulated",
@@ -70,25 +68,23 @@ pub(crate) fn timed((stamp, world_from_camera): (f64, Se3)) -> TimedPose {
     }
 }
 
-/// The true poses of a scene.
 pub(crate) fn truth(simulator: &Simulator) -> Vec<TimedPose> {
     simulator.ground_truth().into_iter().map(timed).collect()
 }
 
-/// The final, smoothed poses of a run.
 pub(crate) fn final_poses(system: &System) -> Vec<TimedPose> {
     let poses = system.corrected_trajectory().into_iter();
     poses.map(|(e, pose)| timed((e.stamp, pose))).collect()
 }
 
-/// The poses of a run as the map has them, without smoothing.
+/// The poses of a run relative to its map, without smoothing.
 pub(crate) fn map_poses(system: &System) -> Vec<TimedPose> {
     let view = system.view();
     let resolved = system.trajectory().resolve(&view);
     resolved.map(|(e, pose)| timed((e.stamp, pose))).collect()
 }
 
-/// From a map's axes to the simulator's: by the positions of all frames, or by the first pose where the camera hardly moved.
+/// From the map's frame to the simulator's: by the positions of all frames, or by the first pose if the camera hardly moved.
 pub(crate) fn world_from_map(simulator: &Simulator, poses: &[(f64, Se3)]) -> Se3 {
     let Some((stamp, first)) = poses.first() else {
         return Se3::identity();
@@ -103,13 +99,12 @@ pub(crate) fn world_from_map(simulator: &Simulator, poses: &[(f64, Se3)]) -> Se3
     }
 }
 
-/// RMSE of the absolute trajectory error, mm.
 pub(crate) fn ate_mm(truth: &[TimedPose], poses: &[TimedPose]) -> Result<f64, Failure> {
     let report = evaluate(truth, poses, &EvalOptions::default())?;
     Ok(1e3 * report.ate.statistics.rmse)
 }
 
-/// The true pose at a time between two known ones.
+/// The interpolated true pose at a time.
 pub(crate) fn pose_at(truth: &[StampedPose], stamp: f64) -> Option<Se3> {
     let after = truth.partition_point(|p| p.stamp < stamp);
     let (a, b) = (truth.get(after.checked_sub(1)?)?, truth.get(after)?);
@@ -117,14 +112,13 @@ pub(crate) fn pose_at(truth: &[StampedPose], stamp: f64) -> Option<Se3> {
     Some(a.world_from_camera.interpolate(&b.world_from_camera, share))
 }
 
-/// How many of the events are frames without a pose.
 pub(crate) fn lost(events: &[Event]) -> usize {
     let frames = events.iter().filter_map(Event::as_frame);
     let lost = frames.filter(|f| matches!(f.report.outcome, Outcome::Lost { .. }));
     lost.count()
 }
 
-/// The next frame of a recording that can be read.
+/// The next readable frame of a recording.
 pub(crate) fn next_readable(source: &mut dyn FrameSource) -> Result<Option<RgbdFrame>, Failure> {
     loop {
         match source.next_frame() {
@@ -136,7 +130,7 @@ pub(crate) fn next_readable(source: &mut dyn FrameSource) -> Result<Option<RgbdF
     }
 }
 
-/// What `run` gives for each seed, in their order; as many run at once as there are cores. Not for what takes times.
+/// Results in the order of seeds, on all cores. Not for measuring times.
 pub(crate) fn each_seed<T: Send>(
     seeds: u64,
     run: impl Fn(u64) -> Result<T, Failure> + Sync,
@@ -150,7 +144,7 @@ pub(crate) fn each_seed<T: Send>(
             if seed >= count {
                 return;
             }
-            // Errors of all kinds cannot cross threads; their texts can.
+            // Boxed errors are not `Send`; their texts are.
             let result = run(seed as u64).map_err(|e| e.to_string());
             if result.is_err() {
                 next.store(count, Ordering::Relaxed);
@@ -168,12 +162,11 @@ pub(crate) fn each_seed<T: Send>(
     results.map(|(_, result)| Ok(result?)).collect()
 }
 
-/// What a row says of its bar.
 pub(crate) fn verdict(met: bool) -> &'static str {
     if met { "met" } else { "short" }
 }
 
-/// The exit code of an experiment: 1 where a bar is missed.
+/// The exit code of an experiment: 1 if a bound is missed.
 pub(crate) fn code(all_met: bool) -> ExitCode {
     ExitCode::from(u8::from(!all_met))
 }

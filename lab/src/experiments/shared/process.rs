@@ -1,19 +1,19 @@
-//! What this process takes: time and memory, where Linux tells.
+//! Time and memory of this process, on Linux.
 
 use std::sync::LazyLock;
 use std::time::Instant;
 
-/// Seconds that this thread has computed, which a loaded machine does not stretch; seconds that have passed where the system does not tell.
+/// CPU time of this thread, s, independent of the machine's load; wall-clock time if unavailable.
 pub(crate) fn computed() -> f64 {
     static BEGIN: LazyLock<Instant> = LazyLock::new(Instant::now);
-    // The kernel counts a running thread's time at its ticks, some milliseconds apart, and whenever it makes way for another.
+    // The kernel updates the time only at ticks, some milliseconds apart, and when a thread yields.
     std::thread::yield_now();
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let nanoseconds = text.split_whitespace().next().and_then(|w| w.parse().ok());
     nanoseconds.map_or_else(|| BEGIN.elapsed().as_secs_f64(), |ns: f64| 1e-9 * ns)
 }
 
-/// A figure of this process's memory, such as `VmRSS` (now) or `VmHWM` (at most so far), MB; not a number where the system does not tell.
+/// Memory such as `VmRSS` (current) or `VmHWM` (peak), MB; NaN if unavailable.
 pub(crate) fn memory_mb(figure: &str) -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find(|l| l.starts_with(figure));

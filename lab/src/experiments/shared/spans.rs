@@ -1,4 +1,4 @@
-//! Time in spans, by their names and those that they are in.
+//! Time in spans, by name and enclosing span.
 
 use crate::experiments::shared::process;
 use std::cell::RefCell;
@@ -8,21 +8,21 @@ use std::time::Instant;
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Event, Metadata, Subscriber};
 
-/// Seconds by (name of the span around, or nothing; name), spans within included.
+/// Seconds by (name of the enclosing span, or empty; name), including nested spans.
 pub(crate) type Times = BTreeMap<(&'static str, &'static str), f64>;
 
-/// What measures the time in spans.
+/// The clock of a measurement.
 pub(crate) enum Spans {
-    /// The clock.
+    /// Wall-clock time.
     Clock,
-    /// What the thread computed.
+    /// CPU time of the thread.
     Computed,
 }
 
 #[derive(Default)]
 struct Running {
     names: Vec<&'static str>,
-    /// Spans that are open, innermost last, and when they began.
+    /// Open spans, innermost last, and their start times.
     open: Vec<(&'static str, f64)>,
     times: Times,
 }
@@ -31,16 +31,16 @@ thread_local! {
     static RUNNING: RefCell<Running> = RefCell::default();
 }
 
-/// What this thread spent in spans since the last call.
+/// The times of this thread since the last call.
 pub(crate) fn take() -> Times {
     RUNNING.with_borrow_mut(|running| std::mem::take(&mut running.times))
 }
 
 impl Spans {
-    /// Measures from now on, on all threads.
+    /// Starts measuring, on all threads.
     ///
     /// # Errors
-    /// Something measures already.
+    /// A subscriber is already installed.
     pub(crate) fn start(self) -> Result<(), crate::Failure> {
         Ok(tracing::subscriber::set_global_default(self)?)
     }
@@ -62,7 +62,7 @@ impl Subscriber for Spans {
     fn new_span(&self, attributes: &Attributes<'_>) -> Id {
         let name = attributes.metadata().name();
         RUNNING.with_borrow_mut(|running| {
-            // A span is known by its name: what spans of one name take is summed anyway.
+            // Identified by name, since times of one name are summed anyway.
             let known = running.names.iter().position(|n| *n == name);
             let place = known.unwrap_or_else(|| {
                 running.names.push(name);

@@ -1,8 +1,8 @@
-//! Things in the map against the simulator's truth: recall, precision and errors of the boxes' middles with a detector that misses 30 %, has bursts of misses
-//! and false alarms, and knows furniture.
+//! Evaluation of objects in the map: recall, precision and centre errors, with a detector that knows furniture, misses 30 %, and has bursts
+//! of misses and false alarms.
 //!
-//! The exit code is 1 where a bar is missed: recall and precision of 0.9 (recall of what has depth), a mean error of 15 cm, no people, what is carried away
-//! gone, and every thing in the right one of as many rooms as there are.
+//! The exit code is 1 if a bound is missed: recall (of objects with depth) and precision of 0.9, a mean error of 15 cm, no people, removed
+//! objects gone, the correct number of rooms, and every object in the correct one.
 
 mod sights;
 
@@ -18,28 +18,27 @@ use stillpoint::imaging::Simd;
 use stillpoint::simulator::{DetectionNoise, Simulator, ThingBox};
 use stillpoint::slam::{Config, Subscriber, System};
 
-/// Things in the map against the simulator's truth.
+/// Evaluates objects in the map against the simulator's ground truth
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Simulated scene
     scene: String,
     #[arg(long, default_value_t = 1)]
     seeds: u64,
-    /// Frames of every run; the scene's own length without it
+    /// Frames per run [default: the whole scene]
     #[arg(long)]
     frames: Option<usize>,
-    /// Says what was listed, and what became of every true thing
+    /// Print the listed objects and the result of every true one
     #[arg(long)]
     all: bool,
 }
 
-/// Frames in which enough of a thing is in sight, with depth, from which it has to be found: one second.
+/// Minimum number of frames in which an object that has to be found is visible, with depth: one second.
 const LEAST_FRAMES: usize = 30;
-/// A found thing matches a true one if their centres are closer than this, m.
+/// A found object matches a true one if their centres are closer than this, m.
 const NEAR: f64 = 0.3;
-/// A found thing also matches a true one if their centres are closer than this share of the true one's longest side.
+/// As `NEAR`, but as a share of the true object's longest side; either suffices.
 const NEAR_SHARE: f64 = 0.35;
-/// Bars.
 const RECALL: f64 = 0.9;
 const PRECISION: f64 = 0.9;
 const ERROR: f64 = 0.15;
@@ -70,10 +69,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     Ok(code(passed))
 }
 
-/// How well things were found.
 #[derive(Default)]
 struct Score {
-    /// In sight for a second, and how many of them were found; with depth, and how many of them.
+    /// Objects visible for a second, and those found; likewise of those with depth.
     in_sight: [usize; 2],
     measured: [usize; 2],
     listed: usize,
@@ -83,7 +81,7 @@ struct Score {
     left: usize,
     rooms: [usize; 2],
     misplaced: usize,
-    /// What was listed, and what became of every true thing.
+    /// Messages about listed and true objects.
     said: Vec<String>,
 }
 
@@ -141,7 +139,7 @@ fn noise(seed: u64) -> DetectionNoise {
 fn measure(arguments: &Arguments, seed: u64) -> Result<Score, Failure> {
     let simulator = scene(&arguments.scene, seed, arguments.frames)?;
     let mut rows = script(&simulator, &noise(seed))?;
-    // What is cut by the border to less than a pixel is no box.
+    // Boxes cut by the image border to less than a pixel are dropped.
     rows.retain(|r| r.detection.bounds.width() >= 1.0 && r.detection.bounds.height() >= 1.0);
     let system = System::new(Config::default(), *simulator.camera(), Simd::detect())?;
     let mut system = system.with_detector(scripted(&rows)?);
@@ -172,7 +170,7 @@ fn measure(arguments: &Arguments, seed: u64) -> Result<Score, Failure> {
     Ok(score)
 }
 
-/// Things that are in no room, or in that of most things beyond the wall at x = 0 of the two rooms.
+/// Objects without a room, or in one with mostly objects beyond the wall at x = 0 of the two rooms.
 fn misplaced(listed: &[Thing], room_from_map: &Se3, two: bool) -> usize {
     let side = |t: &Thing| two && room_from_map.transform(&t.bounds.centre).x > 0.0;
     let wrong = |t: &&Thing| {
@@ -189,7 +187,7 @@ fn near(truth: &ThingBox, at: &Vec3) -> Option<f64> {
     (apart < NEAR.max(NEAR_SHARE * longest)).then_some(apart)
 }
 
-/// Which true thing each listed one is, and how far its middle is off: by class and place, the nearest first.
+/// Pairs of listed and true objects by class and position, nearest first, with distances.
 fn matches(
     things: &[(u32, ThingBox)],
     listed: &[Thing],
@@ -253,7 +251,7 @@ fn score(simulator: &Simulator, listed: &[Thing], room_from_map: &Se3, sights: &
     }
 }
 
-/// A listed thing, in the room's axes.
+/// Message about a listed object, in the room's frame.
 fn said(thing: &Thing, place: &Vec3, off: Option<f64>) -> String {
     let size = thing.bounds.size;
     format!(

@@ -1,36 +1,34 @@
-//! What could be seen of each true thing, and what became of it on the way into the map.
+//! Visibility of each true object, and its detections and tracks.
 
 use super::noise;
 use stillpoint::detection::{BoundingBox, Motion, ObjectState, ScriptRow};
 use stillpoint::simulator::{MoverBox, Simulator, ThingBox};
 use stillpoint::slam::Event;
 
-/// What is in sight less than by this share need not be found.
+/// Minimum visible share of an object that has to be found.
 const LEAST_SHARE: f64 = 0.5;
-/// Of what is in sight this share has to have depth for it to be placed.
+/// Minimum share of an object's visible pixels with depth for it to be located.
 const LEAST_DEPTH: f64 = 0.5;
-/// Boxes that overlap less are of different things.
+/// Minimum overlap of boxes of the same object.
 const SAME: f64 = 0.5;
-/// Every so many frames it is counted what is in sight.
+/// Interval of frames in which visibility is counted.
 const EVERY: usize = 3;
 
-/// Numbers of frames, for one thing.
+/// Frame counts of one object.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Sight {
-    /// With as many pixels as a detector needs.
+    /// Frames with enough visible pixels for a detector.
     pub(crate) large: usize,
-    /// Of these, with half of all that could be seen if nothing stood before it and the image did not end.
+    /// Of these, frames in which at least half of the unoccluded, uncropped object is visible.
     pub(crate) half: usize,
-    /// Of these, with depth on half of what is in sight: on what is black and far there is none.
+    /// Of these, frames with depth on half of the visible part: black or distant surfaces have none.
     pub(crate) measured: usize,
-    /// Frames in which the thing was detected.
     pub(crate) detected: usize,
-    /// Frames in which a confirmed track that does not move was on the thing.
+    /// Frames in which a confirmed, static track was on it.
     pub(crate) tracked: usize,
 }
 
 impl Sight {
-    /// What there was of a thing.
     pub(crate) fn said(&self, thing: &ThingBox, found: bool) -> String {
         format!(
             "true {} at {:.2?}: {} frames large enough, {} half in sight, {} with depth, detected in {}, tracked in {}: {}",
@@ -46,7 +44,6 @@ impl Sight {
     }
 }
 
-/// Counts through a run.
 pub(crate) struct Sights {
     pub(crate) counts: Vec<Sight>,
 }
@@ -58,7 +55,7 @@ impl Sights {
         }
     }
 
-    /// A frame, with what was detected in it and what the run says of it.
+    /// Adds a frame, with its detections and the run's events.
     pub(crate) fn take(
         &mut self,
         simulator: &Simulator,
