@@ -230,7 +230,7 @@ mod tests {
 ";
 
     #[test]
-    fn numbers_are_found_outside_of_tests_with_unit_and_source() {
+    fn constants_are_listed_with_unit_and_source() {
         let parser = Parser::new().unwrap();
         let found = parser.constants(TEXT);
         let cells: Vec<String> = found.iter().map(|c| parser.cells(c).join(" | ")).collect();

@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_name_scenes_folders_and_all_of_a_kind() {
+    fn inputs_are_scenes_folders_or_groups() {
         let words = ["sim:xyz", "sim:walking_xyz@7", env!("CARGO_MANIFEST_DIR")];
         let inputs = parse(&words.map(str::to_owned)).unwrap();
         let names: Vec<String> = inputs.iter().map(Input::to_string).collect();

@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_table_comes_back_as_it_was_written() {
+    fn table_round_trips_through_markdown() {
         let mut table = Table::new(["scene", "run", "mm"]).align(1, Align::Left);
         table.row(["`a|b`", "x", "1.0"]).row(["c", "", "\\2"]);
         let text = format!("10 seeds\n\n{}\nend | of\n", table.to_markdown());
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn tight_tables_and_several_are_found() {
+    fn compact_and_multiple_tables_are_found() {
         let found = tables("| a | b |\n|---|---:|\n| x | 1 |\n\n| | c |\n|---|---|\n");
         assert_eq!(found.len(), 2);
         assert_eq!(found[0].columns.words, Vec::<usize>::new());

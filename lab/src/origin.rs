@@ -98,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_program_has_a_hash_and_a_missing_one_an_advice() {
+    fn program_is_hashed_and_a_missing_one_gets_advice() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("program");
         std::fs::write(&file, "abc").unwrap();

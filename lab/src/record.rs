@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn seeds_are_those_that_the_text_names() {
+    fn seed_count_is_read_from_the_text() {
         let said = |text| seeds(text).unwrap_or_default();
         assert_eq!(said("10 seeds, 150 frames; ATE in mm"), "10 seeds");
         assert_eq!(said("of 3 seeds: x"), "3 seeds");

@@ -275,7 +275,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_half_written_last_line_is_cut_off_and_the_file_goes_on() {
+    fn incomplete_last_line_is_removed_on_append() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("below/runs.jsonl");
         let line = |seed| Line::Run(Box::new(run("a", "b", seed, 1.5)));
@@ -296,7 +296,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_broken_line_is_named() {
+    fn invalid_line_is_reported_with_its_number() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("runs.jsonl");
         std::fs::write(&path, "{\"kind\":\"row\",\"cells\":[]}\n{}\n").unwrap();
@@ -305,7 +305,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn of_a_run_that_was_repeated_the_last_line_counts() {
+    fn last_line_of_a_repeated_run_counts() {
         let lines = [1.0, 2.0].map(|ate| Line::Run(Box::new(run("a", "b", 0, ate))));
         let runs = runs(&lines);
         assert_eq!(runs.len(), 1);

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_are_off_and_believed_are_counted() {
+    fn wrong_frames_count_unless_marked_uncertain() {
         let truth = path(40, |_| 0.0);
         let off = path(40, |i| if (18..22).contains(&i) { 0.3 } else { 0.0 });
         let none = BTreeSet::new();
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn states_are_read_by_their_names() {
+    fn frame_states_are_read_by_column_name() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("frames.csv");
         let head = "frame,stamp,state,submap\n";

@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_say_median_and_range() {
+    fn cells_show_median_and_range() {
         assert_eq!(spread([3.0, 1.0, 2.0, 10.0]), [2.5, 1.0, 10.0]);
         assert!(spread([]).iter().all(|v| v.is_nan()));
         assert_eq!(median_and_range([3.0, 1.0, 2.0], 1), "2.0 (1.0 to 3.0)");

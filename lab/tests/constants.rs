@@ -4,13 +4,13 @@ use crate::lab;
 
 /// After a change of a constant or its comment, renew the table with `lab constants`.
 #[test]
-fn the_table_of_constants_shows_what_the_sources_hold() {
+fn constants_table_matches_the_sources() {
     let (code, out, said) = lab(&["constants", "--check"]);
     assert_eq!(code, Some(0), "{out}{said}");
 }
 
 #[test]
-fn a_stale_table_is_found_and_written_with_what_was_measured() {
+fn stale_constants_table_is_found_and_rewritten() {
     let dir = tempfile::tempdir().unwrap();
     let write = |path: &str, text: &str| {
         let path = dir.path().join(path);

@@ -4,14 +4,14 @@ use crate::lab;
 
 /// After a change of a result file, renew the documents with `lab document`.
 #[test]
-fn the_documents_show_what_the_result_files_hold() {
+fn documents_match_the_result_files() {
     let (code, out, said) = lab(&["document", "--check"]);
     assert_eq!(code, Some(0), "{out}{said}");
     assert!(!said.contains("no document shows it"), "{said}");
 }
 
 #[test]
-fn a_document_that_differs_is_found_and_written() {
+fn differing_document_is_found_and_rewritten() {
     let dir = tempfile::tempdir().unwrap();
     let (docs, results) = (dir.path().join("docs"), dir.path().join("lab/results"));
     std::fs::create_dir_all(&docs).unwrap();

@@ -13,7 +13,7 @@ echo '{"frames": 90, "median_ms": 12.5, "p95_ms": 20.0, "memory_bytes": 15000000
 "#;
 
 #[test]
-fn peers_run_beside_ours_on_the_same_images_and_once() {
+fn peers_run_once_on_the_same_images() {
     let dir = tempfile::tempdir().unwrap();
     let bin = dir.path().join("environment/bin");
     std::fs::create_dir_all(&bin).unwrap();

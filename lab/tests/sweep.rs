@@ -79,7 +79,7 @@ fn row(table: &str, figure: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_change_that_hurts_is_found_worse() {
+fn regression_is_found_worse() {
     let (on, off) = (which(runs(), "default"), which(runs(), "off"));
     let (code, out, said) = lab(&["compare", &on, &off]);
     assert_eq!(code, Some(1), "{out}{said}");
@@ -100,7 +100,7 @@ fn a_change_that_hurts_is_found_worse() {
 }
 
 #[test]
-fn two_runs_of_one_program_differ_in_nothing() {
+fn repeated_runs_of_one_program_are_equal() {
     let dir = tempfile::tempdir().unwrap();
     let again = dir.path().join("again.jsonl");
     let (code, out, said) = sweep(&again, &["--seeds", "2"]);
@@ -128,7 +128,7 @@ fn two_runs_of_one_program_differ_in_nothing() {
 }
 
 #[test]
-fn a_sweep_goes_on_where_it_was() {
+fn interrupted_sweep_is_resumed() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("runs.jsonl");
     let whole = std::fs::read_to_string(runs()).unwrap();
@@ -160,7 +160,7 @@ fn a_sweep_goes_on_where_it_was() {
 }
 
 #[test]
-fn runs_that_fail_are_lines_and_told() {
+fn failed_runs_are_recorded_and_reported() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("runs.jsonl");
     let variants = [
@@ -206,7 +206,7 @@ fn runs_that_fail_are_lines_and_told() {
 }
 
 #[test]
-fn what_cannot_be_run_is_said_at_once() {
+fn invalid_arguments_are_refused_at_once() {
     for (words, part) in [
         (
             vec!["sweep", "sim:nowhere"],

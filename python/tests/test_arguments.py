@@ -98,7 +98,7 @@ def refused(name: str, call: Callable[[], Any]) -> str:
     return text
 
 
-def test_truth_values_are_no_times() -> None:
+def test_booleans_are_refused_as_stamps() -> None:
     slam = sp.Slam(CAMERA)
     for value in (True, np.True_, np.bool_(False)):
         refused("stamp", lambda: slam.track(value, COLOR, DEPTH))
@@ -107,7 +107,7 @@ def test_truth_values_are_no_times() -> None:
 
 @settings(max_examples=CASES, deadline=None, suppress_health_check=list(HealthCheck))
 @given(name=st.sampled_from(["stamp", "color", "depth", "detections", "depth_stamp"]), value=ANYTHING, mask=st.booleans())
-def test_whatever_is_handed_over_is_used_or_refused_by_name(name: str, value: Any, mask: bool) -> None:
+def test_any_frame_argument_is_used_or_refused_by_name(name: str, value: Any, mask: bool) -> None:
     target = MASK if mask else SLAM
     method = target.step if mask else target.track
     # Stamps must ascend: this one is later than all others.
@@ -123,7 +123,7 @@ MASK = sp.DynamicMask(CAMERA)
 
 @settings(max_examples=CASES // 4, deadline=None, suppress_health_check=list(HealthCheck))
 @given(value=ANYTHING, name=st.sampled_from(["camera", "config", "detector", "color_order", "dense", "pose", "pixels", "truth", "estimate", "rate"]))
-def test_whatever_a_run_is_begun_with_is_used_or_refused_by_name(name: str, value: Any) -> None:
+def test_any_other_argument_is_used_or_refused_by_name(name: str, value: Any) -> None:
     calls: dict[str, Callable[[], Any]] = {
         "camera": lambda: sp.Slam(value),
         "config": lambda: sp.Slam(CAMERA, value),
@@ -145,7 +145,7 @@ def test_whatever_a_run_is_begun_with_is_used_or_refused_by_name(name: str, valu
 
 @settings(max_examples=CASES // 4, deadline=None, suppress_health_check=list(HealthCheck))
 @given(values=st.lists(ANYTHING, min_size=6, max_size=6))
-def test_cameras_and_detections_of_anything(values: list[Any]) -> None:
+def test_constructors_accept_or_refuse_any_value(values: list[Any]) -> None:
     for make in (lambda: sp.Camera(*values), lambda: sp.Detection(*values[:3]), lambda: sp.Trajectory(*values[:2]), lambda: sp.Config(values[0]),
                  lambda: sp.Camera.from_k(*values[:3]), lambda: sp.Camera.from_info(values[0]),
                  lambda: sp.Camera.from_info({"width": values[0], "height": values[1], "K": values[2], "D": values[3]})):  # fmt: skip
@@ -193,7 +193,7 @@ def test_a_refused_frame_changes_nothing() -> None:
     assert texts[0] == texts[1]
 
 
-def test_depths_that_are_none() -> None:
+def test_invalid_depths_become_zero() -> None:
     depth = DEPTH.astype(np.float32) / 1000
     depth[0, :6] = [np.nan, np.inf, -np.inf, -1.0, 0.0, 1e-30]
     frame = sp.Slam(CAMERA).track(0.0, COLOR, depth)
@@ -216,7 +216,7 @@ def test_stamps_are_seconds_or_nanoseconds() -> None:
         assert sp.Slam(CAMERA).track(stamp, COLOR, DEPTH).stamp == seconds
 
 
-def test_detections_of_a_function_are_named() -> None:
+def test_invalid_detections_are_reported_by_name() -> None:
     slam = sp.Slam(CAMERA, detector=lambda image: "nothing")
     refused("detector", lambda: slam.track(0.0, COLOR, DEPTH))
 

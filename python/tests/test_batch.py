@@ -34,7 +34,7 @@ def serial(path: Path, out: Path, *options: object) -> bytes:
     return (out / "trajectory.txt").read_bytes()
 
 
-def test_a_batch_is_runs_and_is_done_once(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_batch_equals_serial_runs_and_is_not_repeated(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     paths = simulated(tmp_path / "in", [6, 5])
     options = {"config": {"tracking.min_inliers": 31}, "detector": "none", "report": False, "workers": 2}
     done = sp.batch(paths, tmp_path / "out", **options)
@@ -51,7 +51,7 @@ def test_a_batch_is_runs_and_is_done_once(tmp_path: Path, capfd: pytest.CaptureF
     assert done[0]["program_sha256"] == hashlib.sha256(Path(sp._native.__file__).read_bytes()).hexdigest()
 
 
-def test_what_fails_is_told_and_what_cannot_be_used_is_refused(tmp_path: Path) -> None:
+def test_failures_are_reported_and_bad_arguments_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     done = sp.batch(tmp_path / "empty", tmp_path / "out", progress=False)
     assert repr(done) == "<Batch: 1 recordings, 1 without a result>"
@@ -79,7 +79,7 @@ def test_shards_are_joined(tmp_path: Path) -> None:
         sp.batch_merge([folders[0], folders[0]], tmp_path / "all", progress=False)
 
 
-def test_the_table_is_read_by_arrow(tmp_path: Path) -> None:
+def test_batch_table_is_readable_by_arrow(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     done = sp.batch(simulated(tmp_path / "in", [5]), tmp_path / "out", detector="none", progress=False)
     rows = parquet.read_table(tmp_path / "out" / "batch.parquet").to_pylist()
@@ -92,7 +92,7 @@ def example(name: str, *arguments: object) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_example_for_dask(tmp_path: Path) -> None:
+def test_dask_example(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     paths = simulated(tmp_path / "in", [5, 4])
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
@@ -100,7 +100,7 @@ def test_the_example_for_dask(tmp_path: Path) -> None:
     check_all(paths, tmp_path)
 
 
-def test_the_example_for_submitit(tmp_path: Path) -> None:
+def test_submitit_example(tmp_path: Path) -> None:
     pytest.importorskip("submitit")
     paths = simulated(tmp_path / "in", [5, 4])
     example("slurm.py", 2, tmp_path / "out", *paths)
@@ -115,7 +115,7 @@ def check_all(paths: list[Path], folder: Path) -> None:
         assert result.read_bytes() == serial(path, folder / "serial")
 
 
-def test_a_detector_is_loaded_once_for_many_runs(tmp_path: Path) -> None:
+def test_loaded_detector_is_reused_across_runs(tmp_path: Path) -> None:
     room = tmp_path / "room"
     command = ["simulate", "--scene", "walking_xyz", "--frames", "20", "--jpeg", "--out", str(room), "-q"]
     subprocess.run([sys.executable, "-m", "stillpoint_slam", *command], check=True)

@@ -29,7 +29,7 @@ def rows(path: Path) -> dict[float, str]:
 
 
 @pytest.mark.parametrize("name", ["fr1_xyz", "fr1_xyz_walkers"])
-def test_trajectories_are_the_command_lines(name: str, tmp_path: Path) -> None:
+def test_trajectories_equal_those_of_the_command_line(name: str, tmp_path: Path) -> None:
     path = data(name)
     command_line("run", path, "--detector", "none", "--no-report", "-q", "--out", tmp_path / "out")
     expected = (tmp_path / "out" / "trajectory.txt").read_bytes()
@@ -42,7 +42,7 @@ def test_trajectories_are_the_command_lines(name: str, tmp_path: Path) -> None:
     assert sp.run(path, progress=False).trajectory.to_tum().encode() == expected
 
 
-def test_depth_images_as_they_are_in_files_give_the_same(tmp_path: Path) -> None:
+def test_raw_depth_images_give_the_same_trajectory(tmp_path: Path) -> None:
     image = pytest.importorskip("PIL.Image")
     path = data("fr1_xyz")
     files = rows(path / "depth.txt")
@@ -63,7 +63,7 @@ def verdict_rows(path: Path) -> list[tuple[str, str, str, str, str]]:
 
 
 @pytest.mark.parametrize("way", ["argument", "function"])
-def test_boxes_from_python_give_the_verdicts_of_a_script(way: str, tmp_path: Path) -> None:
+def test_python_boxes_give_the_verdicts_of_a_script(way: str, tmp_path: Path) -> None:
     room = sp.simulate("walking_xyz", frames=40)
     images = list(room)
     seen = [room.detections(i) for i in range(len(room))]

@@ -28,7 +28,7 @@ def record(path: Path, room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
 
 
 @pytest.mark.parametrize("name", ["folder", "file.mcap"])
-def test_what_was_recorded_is_read_again(name: str, room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
+def test_recordings_round_trip(name: str, room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
     path = tmp_path / name
     record(path, room, images)
     recording = sp.open(path)
@@ -67,7 +67,7 @@ def test_runs_are_scored_and_saved(room: sp.Simulation, images: list[sp.RgbdFram
         sp.run(tmp_path / "nothing")
 
 
-def test_a_run_leaves_the_report_of_the_command_line(room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
+def test_run_writes_the_files_of_the_command_line(room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
     with sp.record(tmp_path / "room", room.camera) as recorder:
         for i in images:
             recorder.add(i.stamp, i.color, i.depth, depth_stamp=i.depth_stamp, truth=i.truth)
@@ -112,7 +112,7 @@ def test_damaged_frames_are_skipped_with_a_warning(room: sp.Simulation, images: 
         assert sp.run(tmp_path / "room", progress=False).skipped == 1
 
 
-def test_scores_are_those_of_trajectories(room: sp.Simulation) -> None:
+def test_scores_match_known_trajectory_errors(room: sp.Simulation) -> None:
     truth = room.truth
     moved = truth.poses.copy()
     moved[:, :3, 3] += [0.5, 0, 0]
@@ -125,7 +125,7 @@ def test_scores_are_those_of_trajectories(room: sp.Simulation) -> None:
         sp.evaluate(truth, sp.Trajectory(truth.stamps + 100, truth.poses))
 
 
-def test_simulations_say_what_is_true() -> None:
+def test_simulations_provide_ground_truth() -> None:
     room = sp.simulate("walking_xyz", frames=3)
     assert len(room) == 3 and room[-1].index == 2
     with pytest.raises(IndexError, match="index"):
@@ -139,7 +139,7 @@ def test_simulations_say_what_is_true() -> None:
         sp.simulate("xyz", 10**12)
 
 
-def test_the_mask_covers_who_walks() -> None:
+def test_mask_covers_walking_people() -> None:
     room = sp.simulate("walking_xyz", frames=45)
     filter = sp.DynamicMask(room.camera)
     found = missed = 0
@@ -160,7 +160,7 @@ def command(*arguments: object, **options: object) -> subprocess.CompletedProces
     return subprocess.run([sys.executable, "-m", "stillpoint_slam", *map(str, arguments)], capture_output=True, text=True, **options)
 
 
-def test_the_command_line_is_there(tmp_path: Path) -> None:
+def test_command_line_is_available(tmp_path: Path) -> None:
     assert command("--version").stdout.strip() == f"stillpoint {sp.__version__}"
     done = command("run", tmp_path / "none")
     assert done.returncode == 2 and "expected" in done.stderr
@@ -170,7 +170,7 @@ def test_the_command_line_is_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
-def test_ctrl_c_ends_the_command_line_as_it_should(tmp_path: Path) -> None:
+def test_ctrl_c_ends_the_command_line_cleanly(tmp_path: Path) -> None:
     command("simulate", "--scene", "xyz", "--frames", "120", "--out", tmp_path / "room", "-q")
     arguments = [sys.executable, "-m", "stillpoint_slam", "run", str(tmp_path / "room"), "--live", "--detector", "none", "--no-report", "--out", str(tmp_path / "out")]
     child = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -199,7 +199,7 @@ def test_ctrl_c_ends_a_wait_for_events(room: sp.Simulation) -> None:
     assert "KeyboardInterrupt" in said and child.returncode != 0
 
 
-def test_cameras_of_other_libraries() -> None:
+def test_cameras_are_converted_from_other_libraries() -> None:
     k = [525.0, 0, 319.5, 0, 525.0, 239.5, 0, 0, 1]
     info = {"width": 640, "height": 480, "K": k, "D": [0.1, -0.2, 0.001, 0.002, 0.05], "distortion_model": "plumb_bob"}
     camera = sp.Camera.from_info(info, depth_scale=1000)
@@ -225,7 +225,7 @@ def test_cameras_of_other_libraries() -> None:
     assert "tum_fr1" in sp.Camera.presets() and sp.Camera.preset("fr1") == sp.Camera.preset("tum_fr1")
 
 
-def test_plots_are_drawn_where_matplotlib_is(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
+def test_plots_are_drawn_with_matplotlib(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
     result = sp.run(room, progress=False)

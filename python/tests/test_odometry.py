@@ -38,7 +38,7 @@ def test_odometry_is_used_and_reported() -> None:
         assert slam.track(first.stamp, first.color, first.depth).odometry is None
 
 
-def test_folders_and_files_have_it(tmp_path: Path) -> None:
+def test_folders_and_files_provide_odometry(tmp_path: Path) -> None:
     folder, file = tmp_path / "room", tmp_path / "room.mcap"
     line = [sys.executable, "-m", "stillpoint_slam"]
     subprocess.run([*line, "-q", "simulate", "--scene", "xyz", "--frames", "10", "--odometry", "--out", folder], check=True)
@@ -51,7 +51,7 @@ def test_folders_and_files_have_it(tmp_path: Path) -> None:
     assert texts[0] == texts[1]
 
 
-def test_live_runs_take_it_too() -> None:
+def test_live_runs_accept_odometry_and_prior_poses() -> None:
     room = sp.simulate("xyz", frames=20, odometry=True)
     with sp.Slam(room.camera, live=True, odometry=True) as wheels, sp.Slam(room.camera, live=True, prior=True) as own:
         for image in room:
@@ -62,7 +62,7 @@ def test_live_runs_take_it_too() -> None:
     assert known is not None and known["samples"] == 20
 
 
-def test_another_mount_is_ignored() -> None:
+def test_odometry_with_a_wrong_mount_is_ignored() -> None:
     room = sp.simulate("halfsphere", frames=90, odometry=True)
     turned = MOUNT @ np.array([[0.0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]])
     with sp.Slam(room.camera, odometry=turned) as slam:
@@ -80,7 +80,7 @@ def off(room: sp.Simulation, poses: list[np.ndarray | None]) -> float:
     return float(np.linalg.norm(found[:3, 3] - exact[:3, 3]))
 
 
-def test_poses_of_ones_own_carry_the_camera_over_a_blocked_view() -> None:
+def test_prior_poses_bridge_a_blocked_view() -> None:
     room = sp.simulate("blocked_walk", frames=140, rate=20.0)
     # A different frame of reference: z up, and far away.
     own = np.array([[0.0, 0, 1, 7], [-1, 0, 0, -3], [0, -1, 0, 2], [0, 0, 0, 1]])
@@ -101,7 +101,7 @@ def test_poses_of_ones_own_carry_the_camera_over_a_blocked_view() -> None:
     assert runs["without"][0] > 0.2 or runs["without"][1].count("lost") > 5, runs["without"][0]
 
 
-def test_what_cannot_be_used_is_refused_in_words() -> None:
+def test_invalid_odometry_is_refused_with_a_reason() -> None:
     room = sp.simulate("xyz", frames=2, odometry=True)
     image = room[0]
     with pytest.raises(ValueError, match=r"odometry: expected a camera of a file with a table \[odometry\]"):

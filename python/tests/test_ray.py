@@ -77,7 +77,7 @@ def check(rows: list[dict[str, Any]], out: Path, expected: dict[str, bytes]) -> 
         assert 0 < row["peak_memory_bytes"] < MEMORY, row
 
 
-def test_a_cluster_gives_the_bytes_of_serial_runs(cluster: Any, rooms: list[Path], expected: dict[str, bytes], tmp_path: Path) -> None:
+def test_cluster_runs_equal_serial_runs(cluster: Any, rooms: list[Path], expected: dict[str, bytes], tmp_path: Path) -> None:
     from stillpoint_slam.ray import COLUMNS
 
     rows = batch(rooms, tmp_path)
@@ -89,7 +89,7 @@ def test_a_cluster_gives_the_bytes_of_serial_runs(cluster: Any, rooms: list[Path
     assert times == [(tmp_path / row["name"] / "summary.json").stat().st_mtime_ns for row in rows]
 
 
-def test_columns_are_those_of_the_command_lines_table(rooms: list[Path], tmp_path: Path) -> None:
+def test_columns_equal_those_of_the_command_line_table(rooms: list[Path], tmp_path: Path) -> None:
     from stillpoint_slam.ray import COLUMNS
 
     parquet = pytest.importorskip("pyarrow.parquet")
@@ -97,7 +97,7 @@ def test_columns_are_those_of_the_command_lines_table(rooms: list[Path], tmp_pat
     assert parquet.read_schema(tmp_path / "batch.parquet").equals(COLUMNS)
 
 
-def test_a_server_gives_recordings_and_takes_results(
+def test_recordings_and_results_use_remote_storage(
     cluster: Any, rooms: list[Path], expected: dict[str, bytes], bucket: tuple[str, dict[str, Any]], tmp_path: Path
 ) -> None:
     import fsspec
@@ -124,7 +124,7 @@ def test_a_server_gives_recordings_and_takes_results(
     assert (tmp_path / "file" / some[0].name / "trajectory.txt").read_bytes() == expected[some[0].name]
 
 
-def test_a_recording_that_does_not_open_leaves_the_rest_alone(cluster: Any, rooms: list[Path], tmp_path: Path) -> None:
+def test_failed_recordings_do_not_affect_others(cluster: Any, rooms: list[Path], tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     rows = batch([tmp_path / "empty", rooms[0]], tmp_path / "out")
     assert [(row["name"], row["outcome"], row["attempts"]) for row in rows] == [("empty", "failed", 2), ("room0", "ok", 1)]
@@ -132,12 +132,12 @@ def test_a_recording_that_does_not_open_leaves_the_rest_alone(cluster: Any, room
     assert late[0]["error"] == "took longer than 0.001 s"
 
 
-def test_a_killed_worker_is_made_good(cluster: Any, rooms: list[Path], expected: dict[str, bytes], tmp_path: Path) -> None:
+def test_killed_worker_is_recovered(cluster: Any, rooms: list[Path], expected: dict[str, bytes], tmp_path: Path) -> None:
     killed = during(rooms, tmp_path, 2, lambda pid: os.kill(pid, signal.SIGKILL))
     check(killed, tmp_path, expected)
 
 
-def test_a_killed_node_is_made_good(cluster: Any, rooms: list[Path], expected: dict[str, bytes], tmp_path: Path) -> None:
+def test_killed_node_is_recovered(cluster: Any, rooms: list[Path], expected: dict[str, bytes], tmp_path: Path) -> None:
     node = cluster.add_node(num_cpus=1, memory=4e9, object_store_memory=100e6)
     # A worker on each of three nodes; removing a node kills its worker.
     rows = during(rooms, tmp_path, 3, lambda pid: cluster.remove_node(node, allow_graceful=False))
@@ -168,7 +168,7 @@ def command(pid: str) -> bytes:
         return b""
 
 
-def test_names_are_told_apart_before_anything_runs(tmp_path: Path) -> None:
+def test_duplicate_names_are_refused_before_any_run(tmp_path: Path) -> None:
     from stillpoint_slam import ray as sp_ray
 
     with pytest.raises(ValueError, match="both walk"):

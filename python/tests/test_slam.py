@@ -20,7 +20,7 @@ def run(slam: sp.Slam, images: list[sp.RgbdFrame]) -> list[sp.Frame]:
     return frames
 
 
-def test_a_frame_says_what_became_of_it(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
+def test_frame_reports_its_tracking_result(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
     frames = run(sp.Slam(room.camera), images)
     assert [f.index for f in frames] == list(range(12))
     assert frames[0].state == "initialised" and frames[0].covariance is None
@@ -43,7 +43,7 @@ def test_a_frame_says_what_became_of_it(room: sp.Simulation, images: list[sp.Rgb
     assert np.linalg.norm(off[:3, 3]) < 0.005
 
 
-def test_the_same_frames_give_the_same_poses(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
+def test_runs_are_deterministic(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
     texts = []
     for _ in range(2):
         slam = sp.Slam(room.camera)
@@ -55,7 +55,7 @@ def test_the_same_frames_give_the_same_poses(room: sp.Simulation, images: list[s
     assert other.trajectory().to_tum() != texts[0]
 
 
-def test_grey_bgr_and_uint16_are_the_same_frames(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
+def test_image_formats_give_the_same_trajectory(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
     def text(slam: sp.Slam, color: object, depth: object) -> str:
         for i in images:
             slam.track(i.stamp, color(i), depth(i), depth_stamp=i.depth_stamp)
@@ -76,7 +76,7 @@ def test_grey_bgr_and_uint16_are_the_same_frames(room: sp.Simulation, images: li
     assert text(sp.Slam(room.camera), lambda i: i.color[..., ::-1], metres) != reference
 
 
-def test_views_have_no_copy_and_cannot_be_written_to(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
+def test_array_views_are_shared_and_read_only(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
     frame = sp.Slam(room.camera).track(0.0, images[0].color, images[0].depth)
     gray = frame.gray
     assert np.shares_memory(gray, frame.gray)
@@ -98,7 +98,7 @@ def frame_color_is_kept_only_where_wanted(room: sp.Simulation, images: list[sp.R
     return plain.color is None and np.array_equal(asked.color, i.color)
 
 
-def test_the_map_is_a_version_that_never_changes(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
+def test_map_snapshots_are_immutable(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
     slam = sp.Slam(room.camera)
     first = slam.track(images[0].stamp, images[0].color, images[0].depth)
     early = slam.map
@@ -134,7 +134,7 @@ def test_maps_are_saved_loaded_and_localized_in(room: sp.Simulation, images: lis
     assert not (tmp_path / "empty.spmap").exists()
 
 
-def test_events_come_in_order_and_give_way(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
+def test_events_are_ordered_and_bounded(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
     slam = sp.Slam(room.camera)
     events, few = slam.events(), slam.events(room=2)
     slam.track(images[0].stamp, images[0].color, images[0].depth)
@@ -162,7 +162,7 @@ def test_a_finished_run_takes_no_frames(room: sp.Simulation, images: list[sp.Rgb
         slam.track(9.0, images[0].color, images[0].depth)
 
 
-def test_live_runs_answer_each_frame(room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
+def test_live_runs_return_every_frame(room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
     asked = []
 
     def detector(image: np.ndarray) -> list[sp.Detection]:
@@ -201,7 +201,7 @@ def test_live_runs_take_detections_and_refuse_late_frames(room: sp.Simulation, i
     del slam
 
 
-def test_a_surface_is_fused_where_it_is_asked_for(room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
+def test_dense_surface_is_fused_only_on_request(room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match="dense"):
         _ = sp.Slam(room.camera).dense
     for live in (False, True):
@@ -230,7 +230,7 @@ def test_a_surface_is_fused_where_it_is_asked_for(room: sp.Simulation, images: l
         assert (tmp_path / "plan.pgm").exists()
 
 
-def test_threads_take_turns(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
+def test_threads_can_track_concurrently(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
     slam = sp.Slam(room.camera)
     refused = []
 
@@ -275,14 +275,14 @@ print("end", flush=True)
 
 
 @pytest.mark.parametrize("how", ["live", "live thread", "thread", "none thread", "live none thread"])
-def test_the_interpreter_ends_while_threads_are_at_work(how: str) -> None:
+def test_interpreter_exits_while_threads_are_working(how: str) -> None:
     children = [subprocess.Popen([sys.executable, "-c", ENDS, *how.split()], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(3)]
     for child in children:
         out, said = child.communicate(timeout=60)
         assert (child.returncode, out, said) == (0, "end\n", "")
 
 
-def test_an_inertial_sensor_is_used_and_reported() -> None:
+def test_imu_is_used_and_reported() -> None:
     room = sp.simulate("rpy_60", frames=30, imu=True)
     assert room.has_imu and not sp.simulate("rpy", frames=3).has_imu
     with sp.Slam(room.camera, imu=True) as slam:
@@ -303,7 +303,7 @@ def test_an_inertial_sensor_is_used_and_reported() -> None:
     assert sp.run(room, imu=False, progress=False).slam.camera is not None
 
 
-def test_a_turned_sensor_is_ignored() -> None:
+def test_rotated_imu_is_ignored() -> None:
     room = sp.simulate("rpy_60", frames=90, imu=True)
     turned = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     with sp.Slam(room.camera, imu=turned) as slam:
@@ -312,7 +312,7 @@ def test_a_turned_sensor_is_ignored() -> None:
     assert frame.inertial is not None and frame.inertial["state"] == "ignored" and "camera_from_imu" in frame.inertial["reason"]
 
 
-def test_samples_that_cannot_be_used_are_refused_in_words() -> None:
+def test_invalid_imu_samples_are_refused_with_a_reason() -> None:
     room = sp.simulate("xyz", frames=2, imu=True)
     image = room[0]
     with pytest.raises(ValueError, match=r"imu: expected a camera of a file with a table \[imu\]"):

@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn as_users_type_it() {
+    fn typical_command_line_is_parsed() {
         let request = read_words(
             "--ros-args -r __ns:=/robot1 --remap __node:=eyes -r stillpoint:color/image_raw:=/front/image -p dense:=true --param tracking.max_gap:=3 \
              --params-file a.yaml --log-level debug --disable-rosout-logs -- ",
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told() {
+    fn invalid_arguments_are_reported() {
         for (words, part) in [
             ("--live", "--ros-args"),
             ("--ros-args -r", "a value after it"),

@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_measured_is_read() {
+    fn imu_message_is_read() {
         let found = read(&message(7, 0.5)).unwrap();
         assert_eq!(
             (found.sample.stamp, found.frame.as_str()),
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_measurement_is_told() {
+    fn invalid_imu_messages_are_reported() {
         let told = |message: &ros::Imu<'_>| read(message).unwrap_err();
         assert!(told(&message(0, 0.5)).contains("stamps"));
         assert!(told(&message(1, f64::NAN)).contains("angular rates, found [NaN"));

@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn losses_are_told_again_and_when_they_end() {
+    fn ongoing_and_ended_losses_are_reported() {
         let begin = Instant::now();
         let at = |s: u64| begin + Duration::from_secs(s);
         let mut streams = [StreamState::default(), StreamState::default()];
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn another_writer_is_no_loss() {
+    fn second_writer_is_not_counted_as_loss() {
         let now = Instant::now();
         let mut stream = StreamState::default();
         stream.come(now, ([1; 16], 1));

@@ -97,7 +97,7 @@ mod tests {
     const LONG: Duration = Duration::from_secs(5);
 
     #[test]
-    fn a_chain_is_followed() {
+    fn transform_chain_gives_the_mount() {
         let camera = camera(&[("base_link", "mast"), ("mast", "eye")]);
         let (found, remark) = decide(&camera, "eye", &options("base_link"), true, NONE).unwrap();
         assert_eq!(remark, None);
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_chain_the_cameras_own_tree_is_left_as_it_is() {
+    fn camera_tree_is_kept_without_a_chain_to_the_base() {
         let own = camera(&[("camera_link", "frame"), ("frame", "eye")]);
         // While there is a publisher, more transforms may come.
         assert!(decide(&own, "eye", &options("base_link"), true, NONE).is_none());
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn without_any_transform_the_body_is_published_here() {
+    fn body_frame_is_published_without_any_transform() {
         let none = camera(&[]);
         let (found, remark) = decide(&none, "eye", &options("base_link"), false, NONE).unwrap();
         assert_eq!(

@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_short_for_others() {
+    fn relative_names_are_expanded() {
         for (name, root, robot) in [
             ("odometry", "/odometry", "/robot1/odometry"),
             (
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn rules_rename_what_they_name_in_any_spelling() {
+    fn remap_rules_apply_in_any_spelling() {
         let rule = |node: Option<&str>, from: &str, to: &str| Remap {
             node: node.map(str::to_owned),
             from: from.to_owned(),
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wire_has_names_of_its_own() {
+    fn dds_names_follow_the_ros_mapping() {
         assert_eq!(topic_on_wire("/tf"), "rt/tf");
         assert_eq!(
             service_on_wire("/stillpoint/reset"),
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_names_are_told() {
+    fn invalid_names_are_reported() {
         for good in ["~/a", "/a/b_1", "a", "/tf", "_private"] {
             assert_eq!(check(good), Ok(()), "{good}");
         }

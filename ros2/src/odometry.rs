@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn where_the_base_was_is_read() {
+    fn odometry_message_is_read() {
         let found = read(&message(7, 1.0)).unwrap();
         assert_eq!(found.frames, ["odom", "base_link"]);
         assert_eq!(
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_odometry_is_told() {
+    fn invalid_odometry_is_reported() {
         let told = |message: &ros::Odometry<'_>| read(message).unwrap_err();
         assert!(told(&message(0, 1.0)).contains("stamps"));
         assert!(told(&message(1, 0.0)).contains("length 1"));
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_node_publishes_is_not_of_wheels() {
+    fn own_odometry_topics_are_refused_as_wheel_odometry() {
         let node = NodeName {
             namespace: "/robot1".into(),
             name: "stillpoint".into(),

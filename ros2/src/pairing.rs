@@ -229,13 +229,13 @@ mod tests {
     }
 
     #[test]
-    fn equal_stamps_are_pairs_at_once() {
+    fn equal_stamps_are_paired_at_once() {
         let images = [(Colour, 0), (Depth, 0), (Depth, 33), (Colour, 33)];
         assert_eq!(pairs(0.02, &images), [(0, 0), (33, 33)]);
     }
 
     #[test]
-    fn the_nearest_is_the_partner() {
+    fn nearest_image_becomes_the_partner() {
         // Depth lags by 12 ms of 33.
         let images = [
             (Colour, 0),
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn who_loses_the_nearest_takes_the_next() {
+    fn next_nearest_image_is_paired_if_the_nearest_is_taken() {
         // From freiburg1_xyz: depth is irregular, and its second image is closer to the third colour image.
         let images = [
             (Colour, 975),
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn lost_late_and_repeated_images_cost_their_frame_only() {
+    fn bad_images_cost_only_their_own_frame() {
         let images = [
             (Colour, 0),
             (Depth, 0),
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_is_set_back_begins_anew() {
+    fn clock_reset_restarts_the_pairing() {
         let mut pairing = Pairing::new(0.02);
         for stream in [Colour, Depth] {
             assert_eq!(pairing.take(stream, 1000.0, ()), Taken::Kept);
@@ -316,7 +316,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn nothing_is_given_twice_or_too_far_apart(images in prop::collection::vec((any::<bool>(), 0..2000_i32), 0..200)) {
+        fn pairs_are_unique_and_close_in_time(images in prop::collection::vec((any::<bool>(), 0..2000_i32), 0..200)) {
             let images: Vec<(Stream, i32)> = images.into_iter().map(|(c, ms)| (if c { Colour } else { Depth }, ms)).collect();
             let mut pairing = Pairing::new(0.02);
             let (mut taken, mut given) = (0, 0);
@@ -340,7 +340,7 @@ mod tests {
         }
 
         #[test]
-        fn streams_of_one_rate_give_every_frame(lag in -13..=13_i32, jitter in prop::collection::vec(-1..=1_i32, 60)) {
+        fn equal_rate_streams_give_every_frame(lag in -13..=13_i32, jitter in prop::collection::vec(-1..=1_i32, 60)) {
             let mut images: Vec<(Stream, i32)> = (0..30).map(|i| (Colour, 1000 + 33 * i + jitter[i as usize])).collect();
             images.extend((0..30).map(|i| (Depth, 1000 + 33 * i + lag + jitter[30 + i as usize])));
             images.sort_by_key(|i| i.1);

@@ -381,7 +381,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_of_later_runs_have_their_number() {
+    fn files_of_later_runs_are_numbered() {
         assert_eq!(numbered("/a/run.mcap", 1), Path::new("/a/run.mcap"));
         assert_eq!(numbered("/a/run.mcap", 3), Path::new("/a/run_3.mcap"));
         assert_eq!(numbered("run", 2), Path::new("run_2"));

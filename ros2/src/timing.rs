@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_are_known_again_by_their_stamps() {
+    fn frames_are_matched_by_stamp() {
         let timing = Timing::default();
         assert_eq!(timing.latency(), None);
         for i in 0..100 {

@@ -262,7 +262,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hashes_are_those_of_the_installations() {
+    fn type_hashes_match_ros_jazzy() {
         // Of ROS 2 Jazzy, from PyPI's ros2_pyterfaces; tools/ros2/check_hashes.py compares all.
         let expected = [
             (
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn every_type_has_one() {
+    fn every_type_has_a_hash() {
         let all = all();
         assert!(all.len() >= 20);
         for (name, hash) in all {

@@ -186,7 +186,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_are_read_as_yaml_and_come_back_from_messages() {
+    fn values_parse_as_yaml_and_round_trip_as_messages() {
         for (text, value) in [
             ("true", Value::Bool(true)),
             ("-3", Value::Integer(-3)),

@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_named() {
+    fn missing_input_is_reported() {
         let topics = topics();
         let now = Instant::now();
         let mut streams = [StreamState::default(), StreamState::default()];
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_said_once_and_again_after_a_while() {
+    fn missing_input_is_reported_periodically() {
         let (mut waiting, begin) = (Waiting::default(), Instant::now());
         let at = |s: u64| begin + Duration::from_secs(s);
         let what = |n: u32| Some(format!("depth images on /d (type: {n} publishers)"));

@@ -150,7 +150,7 @@ fn first(colour: &ImageMessage<'_>, depth: &ImageMessage<'_>, info: &[u8]) -> In
 }
 
 #[test]
-fn a_recording_gives_the_frames_that_were_tracked() {
+fn replay_gives_the_tracked_frames() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("walk.mcap");
     let tracked = record(&path);
@@ -173,7 +173,7 @@ fn a_recording_gives_the_frames_that_were_tracked() {
 }
 
 #[test]
-fn a_recording_gives_the_odometry_that_was_told() {
+fn replay_gives_the_received_odometry() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("walk.mcap");
     let (recording, recorder) = Recording::begin(&path).unwrap();
@@ -231,7 +231,7 @@ fn a_recording_gives_the_odometry_that_was_told() {
 }
 
 #[test]
-fn a_recording_takes_the_place_of_nothing() {
+fn recording_does_not_overwrite_files() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("walk.mcap");
     std::fs::write(&path, "something").unwrap();

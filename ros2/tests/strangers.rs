@@ -85,7 +85,7 @@ fn resident_megabytes() -> Option<u64> {
 }
 
 #[test]
-fn forged_claims_are_not_believed() {
+fn forged_packets_disrupt_neither_traffic_nor_memory() {
     // Ports below the ephemeral range, of a domain that robots rarely use.
     let domain = 60 + (std::process::id() % 40) as u16;
     let mut ours = join("ours", domain);

@@ -279,7 +279,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn progress_says_where_it_is() {
+    fn progress_shows_count_rate_and_time_left() {
         let t = |done, total, terminal| {
             let progress = Progress {
                 terminal,
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_terminal_would_obey_is_shown_instead() {
+    fn control_characters_are_escaped() {
         assert_eq!(
             harmless("plain, \u{fc}ml\u{e4}ut\tand\nlines"),
             "plain, \u{fc}ml\u{e4}ut\tand\nlines"
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_is_not_nothing() {
+    fn slow_rates_are_shown_as_time_per_item() {
         let said = |unit, done| {
             let progress = Progress {
                 terminal: false,
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn a_download_that_goes_on_is_no_faster_for_it() {
+    fn resumed_download_rate_excludes_the_earlier_part() {
         let progress = Progress {
             terminal: false,
             ..Progress::of(Unit::Bytes, Some(20_000_000), 10_000_000)

@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn the_second_signal_ends_the_process_and_before_the_loop_the_first() {
+    fn second_signal_or_first_before_the_loop_ends_process() {
         for case in ["int", "term", "hup", "prepared"] {
             if case == "hup" && ignores_hangup() {
                 println!("skipped: SIGHUP is ignored here, as under nohup");

@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn memory_is_at_least_what_was_touched() {
+    fn peak_memory_includes_touched_pages() {
         let before = peak_memory().unwrap();
         let block = std::hint::black_box(vec![1_u8; 64 << 20]);
         assert!(peak_memory().unwrap() >= before.min(64 << 20));

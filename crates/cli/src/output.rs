@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_result_replaces_the_old_one_and_nothing_else() {
+    fn new_result_replaces_only_the_old_result() {
         let dir = tempfile::tempdir().unwrap();
         for (name, text) in [
             ("trajectory.txt", "old"),
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn what_killed_processes_left_is_removed() {
+    fn leftovers_of_killed_processes_are_removed() {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path();
         // Of a killed process, without a lock holder; of a running one; of another program.
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn an_abandoned_result_leaves_no_trace() {
+    fn abandoned_result_leaves_no_files() {
         let dir = tempfile::tempdir().unwrap();
         let mut r = ResultFolder::create(&dir.path().join("a/b")).unwrap();
         r.write("trajectory.txt", b"new").unwrap();
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn a_streamed_file_replaces_the_old_one_when_it_is_complete() {
+    fn streamed_file_replaces_the_old_one_when_complete() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("v.csv");
         std::fs::write(&path, "old").unwrap();
@@ -368,7 +368,7 @@ mod tests {
     /// A device is written to and not replaced; `/dev/full` is always full.
     #[test]
     #[cfg(target_os = "linux")]
-    fn a_full_device_is_reported() {
+    fn full_device_is_reported() {
         let mut file = StreamedFile::create(Path::new("/dev/full"), "--verdicts").unwrap();
         file.write(|w| w.write_all(b"row")).unwrap();
         let e = file.finish().unwrap_err().to_string();
@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_no_folder() {
+    fn file_is_refused_as_result_folder() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let e = ResultFolder::create(file.path()).unwrap_err().to_string();
         assert!(e.contains("found a file"), "{e}");

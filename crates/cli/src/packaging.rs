@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn completions_of_every_shell_name_every_command_and_option() {
+    fn completions_cover_every_command_and_option() {
         let commands = commands();
         assert!(commands.len() > 30, "{} commands", commands.len());
         for shell in Shell::value_variants() {
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn every_command_has_a_manual_page_with_its_options_and_examples() {
+    fn manual_pages_cover_commands_options_and_examples() {
         let pages: std::collections::BTreeMap<String, String> = pages().into_iter().collect();
         let commands = commands();
         assert_eq!(pages.len(), commands.len());
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn long_lines_are_wrapped_and_none_becomes_a_command() {
+    fn long_roff_lines_are_wrapped_and_escaped() {
         let word = "x".repeat(76);
         let text = format!(
             ".SH A\n{word} .a 'b  c\n.br\n.br\n.TP\n{word} {word}\n.nf\n{word} {word}\n.fi"
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_of_text_become_sections_paragraphs_and_lines() {
+    fn help_text_is_converted_to_roff_structure() {
         let mut roff = Roff::new();
         lines(
             &mut roff,

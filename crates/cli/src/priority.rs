@@ -42,7 +42,7 @@ mod tests {
     use rustix::process::getpriority_process;
 
     #[test]
-    fn only_the_thread_itself_and_those_it_starts_give_way() {
+    fn lowered_priority_applies_to_the_thread_and_children() {
         let nice = || getpriority_process(Some(rustix::thread::gettid())).unwrap();
         let before = nice();
         let (own, started) = std::thread::spawn(move || {

@@ -343,7 +343,7 @@ mod tests {
     use super::part;
 
     #[test]
-    fn a_part_holds_its_start_and_not_its_end() {
+    fn time_range_includes_start_and_excludes_end() {
         let stamps = [5.0, 5.25, 5.5, 5.75];
         for (start, end, expected) in [
             (None, None, 0..4),

@@ -293,7 +293,7 @@ fn compare(name: &Path, expected: &str) {
 }
 
 #[test]
-fn pages_about_commands_are_those_of_the_program() {
+fn command_pages_match_the_program() {
     let pages = command_pages();
     assert!(pages.len() > 15, "{} pages", pages.len());
     let mut names: Vec<_> = pages.iter().map(|(name, _)| docs().join(name)).collect();
@@ -308,7 +308,7 @@ fn pages_about_commands_are_those_of_the_program() {
 }
 
 #[test]
-fn every_option_that_help_shows_is_on_its_page() {
+fn command_pages_list_every_option() {
     let pages: BTreeMap<PathBuf, String> = command_pages().into_iter().collect();
     let page = |name: &str| &pages[&Path::new("cli").join(name)];
     for option in [
@@ -336,6 +336,6 @@ fn every_option_that_help_shows_is_on_its_page() {
 }
 
 #[test]
-fn the_page_about_settings_is_that_of_the_program() {
+fn configuration_page_matches_the_program() {
     compare(Path::new("config.md"), &config_page());
 }

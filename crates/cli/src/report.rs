@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_line_says_what_a_person_asks_and_details_are_for_who_wants_them() {
+    fn first_line_summarises_and_details_need_verbose() {
         let summary = summary(serde_json::json!({}));
         let text = run_text(&summary, false);
         assert!(
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_of_one_frame_is_told_in_the_singular() {
+    fn single_frame_run_uses_singular_words() {
         let one = serde_json::json!({"frames": 1, "tracked": 1, "keyframes": 1, "landmarks": 1, "seconds": 2.0,
             "loops": {"closed": 1, "joined": 0, "set_aside": 1}});
         let text = run_text(&summary(one), false);
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn a_beginning_among_people_is_told() {
+    fn undecided_start_among_people_is_reported() {
         let none = run_text(&summary(serde_json::json!({})), false);
         assert!(!none.contains("undecided"), "{none}");
         let short = serde_json::json!({"undecided": 24});
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_were_dropped_or_skipped_are_not_tracked() {
+    fn dropped_and_skipped_frames_are_not_counted_as_tracked() {
         let figures = serde_json::json!({"n": 0, "median": 0.0, "p95": 0.0, "p99": 0.0, "max": 0.0, "mean": 0.0});
         let mut live = serde_json::json!({
             "frames": "newest", "arrived": 120, "refused": 0, "dropped": 50, "dropped_share": 0.4167,
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn detections_that_nobody_looked_at_are_reported() {
+    fn left_out_detections_are_reported() {
         let detector = DetectorJson {
             left_out: 51_000,
             ..DetectorJson::default()
@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_that_were_of_no_use_are_reported() {
+    fn unusable_detector_answers_are_reported() {
         let mut detector = DetectorJson::default();
         assert_eq!(unused_text(&detector), "");
         detector.too_late = 3;

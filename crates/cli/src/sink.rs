@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn all_sinks_settle_before_one_finishes_and_one_that_fails_takes_nothing_from_others() {
+    fn sinks_settle_before_finishing_and_fail_independently() {
         let (sinks, notes) = noting(["a", "b"], false);
         let found = sinks.finish(&session(), KnownUp::default(), None);
         let order = ["settle a", "settle b", "finish a", "finish b"];
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn sinks_of_a_run_that_an_error_ended_keep_what_they_can() {
+    fn sinks_rescue_their_data_after_an_error() {
         let (mut sinks, notes) = noting(["a", "b"], false);
         sinks.rescue(&Left {
             map: None,
@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn users_know_better_than_sensors_which_way_is_up_and_sensors_better_than_older_maps() {
+    fn up_direction_prefers_user_then_sensor_then_map() {
         let up = |x: f64, y: f64| Up::along(&[x, y, 0.0].into());
         let (named, known, measured) = (up(1.0, 0.0), up(0.0, 1.0), Some([-1.0, 0.0, 0.0]));
         assert_eq!(KnownUp { named, known }.with(measured), named);
@@ -361,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shelf_holds_one_value_of_each_type() {
+    fn shelf_holds_one_value_per_type() {
         let mut shelf = Shelf::default();
         shelf.put(7_u32);
         shelf.put("seven".to_owned());

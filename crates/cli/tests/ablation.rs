@@ -42,7 +42,7 @@ fn labels(report: &Value) -> Vec<&str> {
 }
 
 #[test]
-fn a_simulated_scene_is_run_with_seven_configurations() {
+fn ablation_runs_seven_configurations_of_a_scene() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     let frames = ["--runs", "2", "--max-frames", "8", "--seed", "5"];
@@ -121,7 +121,7 @@ fn a_simulated_scene_is_run_with_seven_configurations() {
 }
 
 #[test]
-fn a_folder_without_a_detector_shows_what_there_is_and_a_broken_one_stops_nobody() {
+fn ablation_handles_missing_detectors_and_broken_folders() {
     let dir = tempfile::tempdir().unwrap();
     let room = dir.path().join("rgbd_dataset_freiburg3_walking_rpy");
     simulate(&room, "walking_rpy", 8);
@@ -157,7 +157,7 @@ fn a_folder_without_a_detector_shows_what_there_is_and_a_broken_one_stops_nobody
 }
 
 #[test]
-fn what_cannot_be_used_is_said_before_anything_runs() {
+fn invalid_input_is_reported_before_any_run() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     let output = ablation("sim:walking_xy", &out, &[]);
@@ -173,7 +173,7 @@ fn what_cannot_be_used_is_said_before_anything_runs() {
 }
 
 #[test]
-fn a_bench_runs_simulated_scenes_too() {
+fn bench_runs_simulated_scenes() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     let output = program()

@@ -117,7 +117,7 @@ fn drift_of_lab_fixed() {
 /// Runs that begin among people: without a detector nothing tells at first which of the many moving regions is the room. With wide gates
 /// alone these two were off by 96 and 175 mm.
 #[test]
-fn a_run_that_begins_among_people_follows_the_room() {
+fn run_starting_among_people_follows_the_room() {
     let Some(recording) = stillpoint_testdata::recording("fr1_xyz_walkers") else {
         return;
     };

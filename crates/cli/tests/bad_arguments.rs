@@ -5,7 +5,7 @@ use crate::common::{check, program, stillpoint};
 use std::path::Path;
 
 #[test]
-fn configuration_mistakes() {
+fn configuration_errors_are_reported() {
     let case = Case::new();
     case.fails(
         &["--set", "tracking.min_inlier=20"],
@@ -35,7 +35,7 @@ fn configuration_mistakes() {
 }
 
 #[test]
-fn arguments() {
+fn invalid_arguments_are_reported() {
     let case = Case::new();
     case.fails(
         &["--detector", "yolo"],
@@ -67,7 +67,7 @@ fn arguments() {
 }
 
 #[test]
-fn detectors_that_cannot_be_used() {
+fn unusable_detectors_are_reported() {
     let case = Case::new();
     let file = |name: &str, text: &str| {
         let path = case.dir.path().join(name);
@@ -115,7 +115,7 @@ fn detectors_that_cannot_be_used() {
 }
 
 #[test]
-fn evaluation() {
+fn eval_errors_are_reported() {
     let case = Case::new();
     let truth = case.room().join("groundtruth.txt");
     let late = case.dir.path().join("late.txt");
@@ -159,7 +159,7 @@ fn evaluation() {
 }
 
 #[test]
-fn simulate_does_not_write_into_a_full_folder() {
+fn simulate_refuses_a_non_empty_folder() {
     let case = Case::new();
     let room = case.room();
     let args = [

@@ -22,7 +22,7 @@ fn gray16(path: &Path, width: u32, height: u32, value: u16) {
 }
 
 #[test]
-fn the_good_data_set_is_good() {
+fn valid_data_set_is_accepted() {
     let case = Case::new();
     check(
         &case.run(&[]),
@@ -32,7 +32,7 @@ fn the_good_data_set_is_good() {
 }
 
 #[test]
-fn missing_or_empty_folder() {
+fn missing_or_empty_folder_is_refused() {
     check(
         &stillpoint(["run", "/no/such/folder"]),
         2,
@@ -51,7 +51,7 @@ fn missing_or_empty_folder() {
 }
 
 #[test]
-fn no_depth() {
+fn missing_depth_is_refused() {
     let case = Case::new();
     std::fs::remove_file(case.room().join("depth.txt")).unwrap();
     std::fs::remove_dir_all(case.room().join("depth")).unwrap();
@@ -59,7 +59,7 @@ fn no_depth() {
 }
 
 #[test]
-fn unknown_layout() {
+fn unknown_layout_is_refused() {
     let case = Case::new();
     std::fs::remove_dir_all(case.room()).unwrap();
     std::fs::create_dir(case.room()).unwrap();
@@ -68,7 +68,7 @@ fn unknown_layout() {
 }
 
 #[test]
-fn unknown_camera() {
+fn unknown_camera_is_refused() {
     let case = Case::new();
     std::fs::remove_file(case.room().join("camera.toml")).unwrap();
     case.fails(&[], &["camera", "tum_fr1", "bonn", "camera.txt"]);
@@ -82,7 +82,7 @@ fn unknown_camera() {
 }
 
 #[test]
-fn malformed_line() {
+fn malformed_line_is_reported() {
     let case = Case::new();
     case.edit("rgb.txt", |t| replace_line(t, 5, "once upon a time"));
     case.fails(&[], &["rgb.txt:5", "timestamp", "once"]);
@@ -92,7 +92,7 @@ fn malformed_line() {
 }
 
 #[test]
-fn stamps_that_go_back_or_repeat() {
+fn decreasing_or_repeated_stamps_are_reported() {
     let swapped = |t: &str, a: usize, b: usize| {
         let lines: Vec<&str> = t.lines().collect();
         replace_line(&replace_line(t, a, lines[b - 1]), b, lines[a - 1])
@@ -114,7 +114,7 @@ fn stamps_that_go_back_or_repeat() {
 }
 
 #[test]
-fn images_that_cannot_be_used() {
+fn unusable_images_are_refused() {
     type Write = fn(&Path);
     let kinds: [(&str, Write, &str); 6] = [
         ("rgb", |p| std::fs::remove_file(p).unwrap(), "rgb/"),
@@ -173,7 +173,7 @@ fn one_unreadable_frame_is_skipped_unless_strict() {
 }
 
 #[test]
-fn depth_that_is_zero_or_of_the_wrong_scale() {
+fn zero_or_wrongly_scaled_depth_is_reported() {
     let case = Case::new();
     case.images("depth", all, |p| gray16(p, 640, 480, 0));
     case.fails(&[], &["depth", "zero everywhere"]);
@@ -195,7 +195,7 @@ fn depth_that_is_zero_or_of_the_wrong_scale() {
 }
 
 #[test]
-fn lost_frames_end_with_1_and_are_reported() {
+fn lost_frames_are_reported_with_exit_code_1() {
     let case = Case::new();
     case.images(
         "rgb",
@@ -220,7 +220,7 @@ fn lost_frames_end_with_1_and_are_reported() {
 }
 
 #[test]
-fn bench_passes_on_what_a_run_says() {
+fn bench_forwards_errors_of_a_run() {
     let out = tempfile::tempdir().unwrap();
     let out = out.path().to_str().unwrap();
     check(
@@ -233,7 +233,7 @@ fn bench_passes_on_what_a_run_says() {
 
 /// Many unreadable images make a poor result, and scripts do not read warnings, so that the exit code must tell.
 #[test]
-fn a_recording_of_which_much_cannot_be_read_ends_with_1() {
+fn many_unreadable_frames_give_exit_code_1() {
     let case = Case::new();
     case.images(
         "depth",
@@ -250,7 +250,7 @@ fn a_recording_of_which_much_cannot_be_read_ends_with_1() {
 }
 
 #[test]
-fn a_lens_without_its_last_coefficient() {
+fn lens_with_a_missing_k3_is_refused() {
     let case = Case::new();
     case.edit("camera.toml", |t| {
         let others = t.lines().filter(|l| !l.starts_with("distortion"));
@@ -269,7 +269,7 @@ fn a_lens_without_its_last_coefficient() {
 /// Names in a recording are untrusted: control characters are shown as text.
 #[test]
 #[cfg(unix)]
-fn names_do_not_command_the_terminal() {
+fn control_characters_in_names_are_escaped() {
     let case = Case::new();
     let bad = case.dir.path().join("a\u{1b}]0;owned\u{7}b");
     let bad = bad.to_str().unwrap();

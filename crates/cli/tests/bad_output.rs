@@ -5,7 +5,7 @@ use crate::common::{check, files, program, shell};
 use std::path::{Path, PathBuf};
 
 #[test]
-fn verdicts_and_pictures_that_cannot_be_written() {
+fn unwritable_verdicts_and_pictures_are_refused() {
     let case = Case::new();
     let file = case.dir.path().join("file");
     std::fs::write(&file, "mine").unwrap();
@@ -42,7 +42,7 @@ fn verdicts_and_pictures_that_cannot_be_written() {
 }
 
 #[test]
-fn output_that_cannot_be_written() {
+fn unwritable_output_is_refused() {
     let case = Case::new();
     let file = case.dir.path().join("file");
     std::fs::write(&file, "mine").unwrap();
@@ -75,7 +75,7 @@ fn output_that_cannot_be_written() {
 /// A file size limit acts like a full disk: writing fails half-way.
 #[test]
 #[cfg(unix)]
-fn full_disk() {
+fn full_disk_keeps_existing_files() {
     let case = Case::new();
     let output = shell(
         "trap '' XFSZ; ulimit -f 1; exec \"$0\" run \"$1\" --out \"$2\"",
@@ -100,7 +100,7 @@ fn full_disk() {
 /// A reader that closes the pipe causes no panic.
 #[test]
 #[cfg(unix)]
-fn closed_pipe() {
+fn closed_pipe_causes_no_panic() {
     let output = shell(
         "{ \"$0\" config print; echo \"exit $?\" >&2; } | true",
         [""; 0],
@@ -110,7 +110,7 @@ fn closed_pipe() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_disk_behind_stdout_is_told() {
+fn full_disk_behind_stdout_is_reported() {
     let case = Case::new();
     let room = case.room();
     let room = room.to_str().unwrap();
@@ -135,7 +135,7 @@ fn a_full_disk_behind_stdout_is_told() {
 
 /// Inputs are never overwritten, whichever output names their path.
 #[test]
-fn outputs_in_the_place_of_the_input() {
+fn outputs_never_overwrite_the_input() {
     let case = Case::new();
     let data = case.room();
     let held = |folder: &Path| -> Vec<(PathBuf, Vec<u8>)> {
@@ -184,7 +184,7 @@ fn outputs_in_the_place_of_the_input() {
 
 #[test]
 #[cfg(unix)]
-fn a_recording_in_the_place_of_a_pipe_or_socket() {
+fn record_refuses_sockets_and_follows_links() {
     use std::os::unix::fs::FileTypeExt;
     let case = Case::new();
     let socket = case.dir.path().join("socket");
@@ -209,7 +209,7 @@ fn a_recording_in_the_place_of_a_pipe_or_socket() {
 }
 
 #[test]
-fn two_outputs_on_one_path() {
+fn two_outputs_on_one_path_are_refused() {
     let case = Case::new();
     let file = case.dir.path().join("both");
     std::fs::write(&file, "mine").unwrap();

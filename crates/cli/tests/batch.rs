@@ -53,7 +53,7 @@ fn trajectory(out: &Path) -> Vec<u8> {
 }
 
 #[test]
-fn a_batch_gives_the_bytes_of_single_runs_and_is_done_once() {
+fn batch_equals_single_runs_and_skips_finished_ones() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     let mcap = dir.path().join("walk.mcap");
@@ -131,7 +131,7 @@ fn a_batch_gives_the_bytes_of_single_runs_and_is_done_once() {
 }
 
 #[test]
-fn only_what_changed_is_run_again_and_nothing_is_replaced_unasked() {
+fn only_changed_recordings_are_rerun_on_request() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     let inputs: Vec<PathBuf> = ["a", "d"].map(|n| dir.path().join(n)).into();
@@ -184,7 +184,7 @@ fn only_what_changed_is_run_again_and_nothing_is_replaced_unasked() {
 }
 
 #[test]
-fn options_reach_the_runs_and_their_detectors_are_their_own() {
+fn options_reach_the_runs_with_per_recording_detectors() {
     let dir = tempfile::tempdir().unwrap();
     let options = [
         "--detector",
@@ -210,7 +210,7 @@ fn options_reach_the_runs_and_their_detectors_are_their_own() {
 }
 
 #[test]
-fn what_fails_leaves_the_rest_alone_and_is_tried_twice() {
+fn failed_recordings_are_retried_without_affecting_others() {
     let dir = tempfile::tempdir().unwrap();
     let empty = dir.path().join("empty");
     std::fs::create_dir(&empty).unwrap();

@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 #[test]
-fn inputs_that_are_none_are_told_before_anything_is_made() {
+fn invalid_inputs_are_reported_before_any_output() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     let twin = dir.path().join("a");
@@ -61,7 +61,7 @@ fn inputs_that_are_none_are_told_before_anything_is_made() {
 /// A file size limit acts like a full disk.
 #[test]
 #[cfg(unix)]
-fn a_full_disk_ends_the_batch_and_keeps_what_is_done() {
+fn full_disk_ends_the_batch_and_keeps_finished_results() {
     let dir = tempfile::tempdir().unwrap();
     let (long, out) = (dir.path().join("b_long"), dir.path().join("out"));
     simulate(&long, "xyz", 60);
@@ -193,7 +193,7 @@ impl Working {
 
 #[test]
 #[cfg(unix)]
-fn ctrl_c_keeps_what_is_done_and_it_goes_on_later() {
+fn interrupted_batch_keeps_results_and_resumes() {
     let working = Working::start();
     Working::send(working.child.id(), "-INT");
     let begin = Instant::now();
@@ -217,7 +217,7 @@ fn ctrl_c_keeps_what_is_done_and_it_goes_on_later() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_folder_is_one_batchs_until_that_dies_and_its_runs_die_with_it() {
+fn folder_lock_and_runs_end_with_the_batch_process() {
     let mut working = Working::start();
     let second = batch(&working.inputs, &working.out, &[]);
     let process = format!("found that of process {}", working.child.id());
@@ -242,7 +242,7 @@ fn a_folder_is_one_batchs_until_that_dies_and_its_runs_die_with_it() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_run_that_crashes_is_made_good() {
+fn crashed_run_is_retried() {
     let working = Working::start();
     Working::send(working.run(), "-ABRT");
     let (code, said, out, _, _dir) = working.end();
@@ -255,7 +255,7 @@ fn a_run_that_crashes_is_made_good() {
 }
 
 #[test]
-fn a_result_that_was_not_finished_is_none() {
+fn unfinished_result_is_rerun() {
     let dir = tempfile::tempdir().unwrap();
     let inputs = [rooms().join("a")];
     check(&batch(&inputs, dir.path(), &[]), 0, &[]);

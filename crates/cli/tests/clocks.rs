@@ -63,7 +63,7 @@ fn stand_still(list: &mut List, frames: std::ops::Range<usize>) {
 }
 
 #[test]
-fn depth_that_stands_still_is_not_used_and_said() {
+fn frozen_depth_is_ignored_and_reported() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     changed(&data, 45, |_| {}, |depth| stand_still(depth, 15..35));
@@ -90,7 +90,7 @@ fn depth_that_stands_still_is_not_used_and_said() {
 }
 
 #[test]
-fn a_colour_image_that_stands_still_is_no_view_and_a_frame_that_does_hangs() {
+fn frozen_colour_and_frozen_frames_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     for (name, both) in [("colour", false), ("both", true)] {
         let data = dir.path().join(name);
@@ -121,7 +121,7 @@ fn a_colour_image_that_stands_still_is_no_view_and_a_frame_that_does_hangs() {
 }
 
 #[test]
-fn a_clock_that_is_set_back_in_a_list_keeps_the_order() {
+fn list_order_is_kept_after_a_backward_clock_jump() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     let back = |list: &mut List| list[15..].iter_mut().for_each(|l| l.0 -= 0.4);
@@ -144,7 +144,7 @@ fn a_clock_that_is_set_back_in_a_list_keeps_the_order() {
 }
 
 #[test]
-fn lists_in_other_units_are_read_each_by_itself() {
+fn stamp_units_are_detected_per_list() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     let scaled = |factor: f64| {
@@ -169,7 +169,7 @@ fn lists_in_other_units_are_read_each_by_itself() {
 }
 
 #[test]
-fn clocks_that_are_apart_are_said_found_and_applied() {
+fn clock_offset_is_reported_estimated_and_applied() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     simulate(&data, "xyz", 90);
@@ -221,7 +221,7 @@ fn clocks_that_are_apart_are_said_found_and_applied() {
 }
 
 #[test]
-fn a_data_set_of_which_no_image_reads_is_a_fault() {
+fn data_set_without_readable_images_is_an_error() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     simulate(&data, "xyz", 12);
@@ -246,7 +246,7 @@ fn a_data_set_of_which_no_image_reads_is_a_fault() {
 }
 
 #[test]
-fn quaternions_in_the_other_order_are_said() {
+fn wrong_quaternion_order_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     simulate(&data, "rpy", 60);

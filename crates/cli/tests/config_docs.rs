@@ -60,7 +60,7 @@ fn describe(all: &BTreeMap<String, Fields>, name: &str, prefix: &str, text: &mut
 }
 
 #[test]
-fn documentation_is_that_of_the_source() {
+fn settings_documentation_matches_the_source() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut files = Vec::new();
     for folder in ["slam", "features", "detection"] {

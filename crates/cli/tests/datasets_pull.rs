@@ -52,7 +52,7 @@ fn names(dir: &TempDir) -> Vec<String> {
 }
 
 #[test]
-fn a_sequence_is_pulled_after_its_line_broke() {
+fn interrupted_sequence_download_is_resumed() {
     let dir = tempfile::tempdir().unwrap();
     let bytes = *WALKING;
     let server = Server::start(move |number, request, stream| match number {
@@ -100,7 +100,7 @@ fn a_sequence_is_pulled_after_its_line_broke() {
 }
 
 #[test]
-fn what_cannot_be_had_is_said() {
+fn unavailable_sequences_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     let output = pull("bonn_static", dir.path(), &server());
     check(
@@ -125,7 +125,7 @@ fn what_cannot_be_had_is_said() {
 
 /// The first failed download ends the command before any run; existing sequences are neither requested nor changed.
 #[test]
-fn a_suite_is_pulled_and_run() {
+fn suite_is_pulled_and_run() {
     let dir = tempfile::tempdir().unwrap();
     let (data, bytes) = (dir.path().join("data"), *WALKING);
     let server = Server::start(move |_, request, stream| match request.path.as_str() {
@@ -176,7 +176,7 @@ fn a_suite_is_pulled_and_run() {
 /// Ctrl-C ends an endless download, and the partial file is kept.
 #[test]
 #[cfg(unix)]
-fn an_interrupted_pull_is_kept() {
+fn interrupted_pull_keeps_the_partial_file() {
     let dir = tempfile::tempdir().unwrap();
     let server = Server::start(|_, _, stream| {
         send(

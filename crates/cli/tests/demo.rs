@@ -34,7 +34,7 @@ fn row<'a>(text: &'a str, name: &str) -> [&'a str; 2] {
 }
 
 #[test]
-fn both_passes_are_reported_and_written_side_by_side() {
+fn demo_writes_both_passes_side_by_side() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("demo");
     let output = demo(&out, &[]);
@@ -98,7 +98,7 @@ fn both_passes_are_reported_and_written_side_by_side() {
 }
 
 #[test]
-fn the_same_demo_gives_the_same_pictures_and_needs_no_detector() {
+fn demo_is_deterministic_without_a_detector() {
     let dir = tempfile::tempdir().unwrap();
     let pictures = |name: &str, program: Command| {
         let out = dir.path().join(name);
@@ -123,7 +123,7 @@ fn the_same_demo_gives_the_same_pictures_and_needs_no_detector() {
 }
 
 #[test]
-fn a_run_that_exceeds_its_bound_fails() {
+fn demo_exceeding_its_error_bound_fails() {
     let dir = tempfile::tempdir().unwrap();
     // Tracking always fails with these few keypoints.
     let few = [

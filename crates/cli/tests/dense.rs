@@ -44,7 +44,7 @@ fn head(ply: &[u8]) -> String {
 }
 
 #[test]
-fn a_run_leaves_a_surface_and_its_numbers() {
+fn dense_run_writes_a_surface_and_its_figures() {
     let (ply, glb) = (
         read(&MADE.result, "mesh.ply"),
         read(&MADE.result, "mesh.glb"),
@@ -92,7 +92,7 @@ fn a_run_leaves_a_surface_and_its_numbers() {
 }
 
 #[test]
-fn the_same_surface_comes_out_again() {
+fn dense_surface_is_reproducible() {
     let meshes = |folder: &Path| (read(folder, "mesh.ply"), read(folder, "mesh.glb"));
     let made = meshes(&MADE.result);
     // From the log, in portable code.
@@ -147,7 +147,7 @@ fn the_same_surface_comes_out_again() {
 }
 
 #[test]
-fn a_map_gives_its_surface_and_grids() {
+fn map_exports_its_surface_and_grids() {
     let out = |name: &str| MADE.dir.path().join(name);
     let map = text(&MADE.map);
     let info = stdout(&stillpoint(["map", "info", map]));
@@ -189,7 +189,7 @@ fn a_map_gives_its_surface_and_grids() {
 }
 
 #[test]
-fn a_run_goes_on_with_the_surface_of_its_map() {
+fn run_continues_the_surface_of_its_map() {
     let [grown, result, found] = ["grown.spmap", "more", "found"].map(|n| MADE.dir.path().join(n));
     let (data, map) = (text(&MADE.data), text(&MADE.map));
     let part = ["run", data, "--max-frames", "6", "--no-report", "--dense"];
@@ -227,7 +227,7 @@ fn a_run_goes_on_with_the_surface_of_its_map() {
 }
 
 #[test]
-fn what_cannot_be_made_is_refused_in_words() {
+fn impossible_dense_outputs_are_refused() {
     let dir = MADE.dir.path();
     let bare = dir.join("bare.spmap");
     let args = ["run", text(&MADE.data), "--max-frames", "4", "--no-report"];
@@ -291,7 +291,7 @@ fn turn_images(folder: &Path) {
 }
 
 #[test]
-fn a_camera_that_hangs_upside_down_has_its_floor_by_the_inertial_sensor() {
+fn inertial_sensor_gives_the_floor_of_an_inverted_camera() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     let data = at("hanging");

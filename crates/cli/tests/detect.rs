@@ -37,7 +37,7 @@ fn names(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn one_image_is_a_table() {
+fn single_image_gives_a_table() {
     let dir = tempfile::tempdir().unwrap();
     let model = tiny_model::write(dir.path());
     for name in ["a.png", "a.jpg", "a.webp"] {
@@ -65,7 +65,7 @@ fn one_image_is_a_table() {
 }
 
 #[test]
-fn a_folder_becomes_a_table_and_pictures() {
+fn image_folder_gives_a_table_and_pictures() {
     let dir = tempfile::tempdir().unwrap();
     let (folder, out) = (dir.path().join("in"), dir.path().join("out"));
     std::fs::create_dir(&folder).unwrap();
@@ -112,7 +112,7 @@ fn a_folder_becomes_a_table_and_pictures() {
 }
 
 #[test]
-fn a_recording_is_looked_at_as_its_folder_is() {
+fn recording_gives_the_same_detections_as_its_folder() {
     let dir = tempfile::tempdir().unwrap();
     let (room, file) = (dir.path().join("room"), dir.path().join("room.mcap"));
     simulate(&room, "walking_static", 3);
@@ -142,7 +142,7 @@ fn a_recording_is_looked_at_as_its_folder_is() {
 }
 
 #[test]
-fn detections_of_a_data_set_can_be_played_back() {
+fn detections_of_a_data_set_work_as_a_script() {
     let dir = tempfile::tempdir().unwrap();
     let (room, out) = (dir.path().join("room"), dir.path().join("out"));
     simulate(&room, "walking_static", 4);
@@ -205,7 +205,7 @@ fn unreadable_images_are_skipped_and_reported() {
 }
 
 #[test]
-fn what_cannot_be_used_is_refused() {
+fn unusable_detect_input_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let model = tiny_model::write(dir.path());
     let file = dir.path().join("a.png");
@@ -250,7 +250,7 @@ fn what_cannot_be_used_is_refused() {
 
 /// With networks and images of people, if available.
 #[test]
-fn people_are_found_in_pictures() {
+fn real_networks_find_people_in_pictures() {
     let Some(folder) = stillpoint_testdata::beside("images") else {
         return;
     };

@@ -19,7 +19,7 @@ fn with_camera(command: &str, data: &Path, camera: &Path, more: &[&str]) -> Outp
 
 /// Twelve frames: findings about the intrinsics and the depth need no motion.
 #[test]
-fn a_data_set_is_well_and_wrong_figures_are_named_in_the_order_of_harm() {
+fn doctor_reports_wrong_figures_by_severity() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     simulate(&data, "xyz", 12);
@@ -63,7 +63,7 @@ fn a_data_set_is_well_and_wrong_figures_are_named_in_the_order_of_harm() {
 }
 
 #[test]
-fn what_cannot_be_looked_at_is_refused() {
+fn doctor_refuses_unusable_input() {
     let dir = tempfile::tempdir().unwrap();
     let output = program().arg("doctor").arg(dir.path()).output().unwrap();
     check(&output, 2, &["error: "]);
@@ -77,7 +77,7 @@ fn what_cannot_be_looked_at_is_refused() {
 
 /// Three seconds of a camera that turns fast, with an inertial sensor.
 #[test]
-fn an_inertial_sensor_that_is_mounted_otherwise_is_named() {
+fn doctor_reports_a_wrong_inertial_mount() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     let args = ["-q", "simulate", "--imu", "--jpeg", "--scene", "rpy_60"];
@@ -118,7 +118,7 @@ fn an_inertial_sensor_that_is_mounted_otherwise_is_named() {
 
 /// Three seconds of a camera on a base with wheels.
 #[test]
-fn odometry_that_is_not_of_the_camera_s_base_is_named() {
+fn doctor_reports_inconsistent_odometry() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     let line = "-q simulate --odometry --jpeg --scene halfsphere --frames 80 --out";
@@ -168,7 +168,7 @@ fn odometry_that_is_not_of_the_camera_s_base_is_named() {
 
 /// Images of any size would take the doctor's time and memory: sizes that `run` refuses are refused.
 #[test]
-fn images_that_no_run_takes_are_not_looked_at() {
+fn doctor_refuses_oversized_images() {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");
     simulate(&data, "xyz", 2);

@@ -67,7 +67,7 @@ fn stamps(room: &Path) -> Vec<String> {
 }
 
 #[test]
-fn boxes_are_those_of_the_masks() {
+fn simulated_boxes_match_the_masks() {
     let header = "timestamp,mover,x0,y0,x1,y1,visible_px,px,py,pz,vx,vy,vz";
     let rows = by_stamp(&room().join("boxes.csv"), header);
     let mut boxes = 0;
@@ -102,7 +102,7 @@ fn boxes_are_those_of_the_masks() {
 }
 
 #[test]
-fn rooms_in_which_nothing_moves_have_no_masks() {
+fn static_scenes_have_no_masks() {
     let dir = tempfile::tempdir().unwrap();
     simulate(&dir.path().join("room"), "xyz", 2);
     let names = names(&dir.path().join("room"));
@@ -118,7 +118,7 @@ fn rooms_in_which_nothing_moves_have_no_masks() {
 }
 
 #[test]
-fn verdicts_of_every_keypoint_of_every_frame() {
+fn verdicts_cover_every_keypoint_of_every_frame() {
     let dir = tempfile::tempdir().unwrap();
     let (out, table) = (dir.path().join("out"), dir.path().join("v.csv"));
     let script = scripted(&room());
@@ -217,7 +217,7 @@ fn all_keypoints_are_there(room: &Path, out: &Path, table: &Path) {
 }
 
 #[test]
-fn the_filter_can_be_turned_off() {
+fn filter_can_be_turned_off() {
     let dir = tempfile::tempdir().unwrap();
     let table = dir.path().join("v.csv");
     let more = [
@@ -242,7 +242,7 @@ fn gif_width(path: &Path) -> u16 {
 }
 
 #[test]
-fn pictures_decode_and_replace_older_ones() {
+fn overlay_pictures_decode_and_replace_older_ones() {
     let dir = tempfile::tempdir().unwrap();
     let pictures = dir.path().join("pictures");
     std::fs::create_dir(&pictures).unwrap();
@@ -327,7 +327,7 @@ fn outputs_may_share_a_folder() {
 }
 
 #[test]
-fn a_network_is_named_with_its_sum_and_runtime() {
+fn summary_names_network_checksum_and_runtime() {
     let Some(model) = stillpoint_testdata::beside("models/yolox_nano_416.onnx") else {
         return;
     };

@@ -47,7 +47,7 @@ fn trajectories(mut command: Command, out: &Path) -> [Vec<u8>; 4] {
 }
 
 #[test]
-fn the_same_command_gives_the_same_bytes() {
+fn same_command_gives_identical_trajectories() {
     let dir = tempfile::tempdir().unwrap();
     let first = trajectories(program(), &dir.path().join("first"));
     let poses = String::from_utf8_lossy(&first[0]).lines().count() - 1;
@@ -87,7 +87,7 @@ fn the_same_command_gives_the_same_bytes() {
 }
 
 #[test]
-fn a_result_is_complete_and_accurate() {
+fn result_is_complete_and_accurate() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("result");
     trajectories(program(), &out);
@@ -198,7 +198,7 @@ fn without_ground_truth_everything_else_works() {
 
 /// With --json, stdout holds only the summary, at any verbosity.
 #[test]
-fn a_summary_for_programs_is_all_that_is_on_stdout() {
+fn json_option_prints_only_the_summary() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     for quiet in [&[][..], &["-q"], &["-v"]] {
@@ -221,7 +221,7 @@ fn a_summary_for_programs_is_all_that_is_on_stdout() {
 }
 
 #[test]
-fn the_time_of_every_stage_is_for_who_asks() {
+fn stage_times_are_shown_only_if_verbose() {
     let dir = tempfile::tempdir().unwrap();
     let run = |more: &[&str]| {
         let mut command = program();
@@ -244,7 +244,7 @@ fn the_time_of_every_stage_is_for_who_asks() {
 }
 
 #[test]
-fn a_run_is_told_in_ten_lines_and_its_stages_in_words() {
+fn run_output_is_short_and_verbose_output_detailed() {
     let dir = tempfile::tempdir().unwrap();
     let run = |more: &[&str]| {
         let mut command = program();
@@ -280,7 +280,7 @@ fn a_run_is_told_in_ten_lines_and_its_stages_in_words() {
 }
 
 #[test]
-fn the_bench_reports_every_run() {
+fn bench_reports_every_run() {
     let dir = tempfile::tempdir().unwrap();
     let output = program()
         .arg("bench")
@@ -311,7 +311,7 @@ fn the_bench_reports_every_run() {
 /// Ctrl-C ends the run after the current frame, and its results are written.
 #[test]
 #[cfg(unix)]
-fn an_interrupt_keeps_what_there_is() {
+fn interrupted_demo_keeps_its_results() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     let mut child = program()

@@ -22,7 +22,7 @@ fn golden(name: &str, args: &[&str]) {
 }
 
 #[test]
-fn help_of_every_command() {
+fn help_matches_the_golden_files() {
     golden("help.txt", &["--help"]);
     for command in [
         "demo",
@@ -119,7 +119,7 @@ fn every_help_has_examples() {
 }
 
 #[test]
-fn configuration() {
+fn printed_configuration_matches_the_golden_files() {
     golden("config_print.txt", &["config", "print"]);
     golden(
         "config_print_set.txt",

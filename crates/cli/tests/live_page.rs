@@ -86,7 +86,7 @@ fn listen(stream: TcpStream) -> Vec<(String, Value)> {
 }
 
 #[test]
-fn whoever_looks_changes_nothing_and_is_told_the_report() {
+fn viewers_receive_the_report_without_changing_the_run() {
     let run = Running::start("people walk", "shown", &[]);
     let stream = run.connect();
     let told = std::thread::spawn(move || listen(stream));
@@ -153,7 +153,7 @@ fn slowly() -> &'static str {
 }
 
 #[test]
-fn a_browser_shows_a_run_and_in_the_end_its_report() {
+fn browser_shows_the_live_run_and_then_its_report() {
     let Some(mut browser) = Browser::start(&[]) else {
         return;
     };

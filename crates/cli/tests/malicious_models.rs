@@ -62,7 +62,7 @@ fn integers(name: &str, values: &[i64]) -> Message {
 }
 
 #[test]
-fn sizes_whose_product_wraps() {
+fn overflowing_tensor_sizes_are_refused() {
     let weight = Message::new()
         .integer(1, 1 << 32)
         .integer(1, 1 << 32)
@@ -75,7 +75,7 @@ fn sizes_whose_product_wraps() {
 }
 
 #[test]
-fn long_chains_and_deep_nests() {
+fn long_chains_and_deep_nesting_are_refused() {
     let step = |g: Message, i: usize| {
         g.message(
             1,
@@ -97,7 +97,7 @@ fn long_chains_and_deep_nests() {
 }
 
 #[test]
-fn a_loop_without_an_end() {
+fn endless_loop_is_refused() {
     let body = Message::new()
         .field(1, "body")
         .message(6, &Message::new())
@@ -110,7 +110,7 @@ fn a_loop_without_an_end() {
 }
 
 #[test]
-fn giant_results() {
+fn huge_outputs_are_refused() {
     let shape = integers("s", &[1 << 20, 1 << 20]);
     let graph = Message::new()
         .message(5, &shape)
@@ -133,7 +133,7 @@ fn giant_results() {
 /// A file of some kilobytes whose values double at every step takes no more than the memory of an ordinary detector.
 #[cfg(target_os = "linux")]
 #[test]
-fn values_that_grow() {
+fn exponentially_growing_values_are_refused() {
     let axis = Message::new().field(1, "axis").integer(3, 2).integer(20, 2);
     let step = |graph: Message, i: usize| {
         let (from, to) = (format!("x{i}"), format!("x{}", i + 1));
@@ -154,7 +154,7 @@ fn values_that_grow() {
 
 /// NaN scores reach no threshold: such a network would silently detect nothing.
 #[test]
-fn networks_that_answer_nan() {
+fn networks_returning_nan_are_refused() {
     refused_bytes(
         &tiny_model::with_offset(f32::NAN),
         &["NaN", "values of output 0"],

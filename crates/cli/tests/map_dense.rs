@@ -88,7 +88,7 @@ fn covered(one: &Path, by: &Path) -> f64 {
 }
 
 #[test]
-fn the_surface_of_two_maps_is_one() {
+fn merged_maps_have_one_surface() {
     let of = |path: &Path| score(&dense(path), &read(path));
     let [a, b, merged] = [map("a"), map("b"), both()].map(|path| of(&path));
     println!("mean error, m, and area, m^2: {a:?} and {b:?} become {merged:?}");
@@ -125,7 +125,7 @@ fn the_surface_of_two_maps_is_one() {
 }
 
 #[test]
-fn one_surface_is_kept_in_the_axes_of_the_first_map() {
+fn single_surface_is_moved_to_the_first_maps_frame() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).with_extension("spmap");
     let [a, b] = ["a", "b"].map(|name| read(&map(name)));
@@ -147,7 +147,7 @@ fn one_surface_is_kept_in_the_axes_of_the_first_map() {
 }
 
 #[test]
-fn a_surface_that_does_not_fit_is_left_out_in_words_and_a_damaged_one_refused() {
+fn incompatible_surface_is_dropped_and_damaged_one_refused() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).with_extension("spmap");
     let left_out = |second: &Path, words: &str| {

@@ -84,7 +84,7 @@ fn others(folder: &Path) -> usize {
 }
 
 #[test]
-fn a_map_survives_fifty_kills() {
+fn map_survives_fifty_kills_while_saving() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("room.spmap");
     let versions: Vec<Vec<u8>> = (0..VERSIONS).map(map).collect();

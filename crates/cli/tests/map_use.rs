@@ -103,7 +103,7 @@ fn first_frame(out: &Path) -> String {
 }
 
 #[test]
-fn a_run_goes_on_with_a_map() {
+fn run_resumes_a_saved_map() {
     let dir = tempfile::tempdir().unwrap();
     let grown = dir.path().join("grown.spmap");
     let arguments = ["--save-map", grown.to_str().unwrap(), "--start", "14"];
@@ -144,7 +144,7 @@ fn a_run_goes_on_with_a_map() {
 }
 
 #[test]
-fn a_camera_is_found_in_a_map_that_stays_as_it_is() {
+fn localize_finds_the_camera_and_keeps_the_map() {
     let bytes = std::fs::read(map("a")).unwrap();
     let path = map("a");
     let arguments = ["--localize", path.to_str().unwrap(), "--start", "14"];
@@ -165,7 +165,7 @@ fn a_camera_is_found_in_a_map_that_stays_as_it_is() {
 }
 
 #[test]
-fn two_maps_become_one_where_they_show_the_same() {
+fn overlapping_maps_are_merged() {
     let dir = tempfile::tempdir().unwrap();
     let whole = dir.path().join("whole.spmap");
     let output = merge(&map("a"), &map("b"), &whole);
@@ -188,7 +188,7 @@ fn two_maps_become_one_where_they_show_the_same() {
 }
 
 #[test]
-fn a_run_keeps_which_way_is_up_and_who_says_it_is_heard_first() {
+fn up_direction_is_kept_and_the_argument_takes_precedence() {
     let dir = tempfile::tempdir().unwrap();
     let [known, grown] = ["known", "grown"].map(|n| dir.path().join(n).with_extension("spmap"));
     let (before, said) = (Vec3::new(0.0, -0.8, 0.6), Vec3::new(0.0, -0.6, 0.8));
@@ -210,7 +210,7 @@ fn a_run_keeps_which_way_is_up_and_who_says_it_is_heard_first() {
 }
 
 #[test]
-fn two_maps_become_one_with_what_either_knows_of_up() {
+fn merged_map_keeps_a_known_up_direction() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).with_extension("spmap");
     let (up, other) = (Vec3::new(0.0, -0.8, 0.6), Vec3::new(0.6, -0.8, 0.0));
@@ -235,7 +235,7 @@ fn two_maps_become_one_with_what_either_knows_of_up() {
 }
 
 #[test]
-fn maps_that_have_nothing_in_common_are_not_merged() {
+fn maps_without_overlap_are_not_merged() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out.spmap");
     let nothing = |second: &Path, code: i32, parts: &[&str]| {
@@ -277,7 +277,7 @@ fn maps_that_have_nothing_in_common_are_not_merged() {
 }
 
 #[test]
-fn a_map_in_submaps_is_exported_submap_by_submap() {
+fn submaps_are_exported_separately() {
     let dir = tempfile::tempdir().unwrap();
     let (path, graph) = (dir.path().join("both.spmap"), dir.path().join("map.g2o"));
     let (large, small) = (read(&map("a")), read(&map("c")));
@@ -340,7 +340,7 @@ fn a_map_in_submaps_is_exported_submap_by_submap() {
 
 /// The map is kept when a disk is full or an image cannot be read.
 #[test]
-fn a_run_that_breaks_off_saves_its_map() {
+fn aborted_run_saves_its_map() {
     let case = Case::new();
     let map = case.dir.path().join("room.spmap");
     let save = ["--save-map", map.to_str().unwrap()];

@@ -128,7 +128,7 @@ impl Difference {
 }
 
 #[test]
-fn the_command_line_writes_the_masks_of_the_library_to_the_byte() {
+fn command_line_masks_equal_the_library_masks() {
     let recording = &*RECORDING;
     let mut system = System::new(Config::default(), recording.camera, Simd::detect())
         .unwrap()
@@ -145,7 +145,7 @@ fn the_command_line_writes_the_masks_of_the_library_to_the_byte() {
 }
 
 #[test]
-fn with_the_poses_and_boxes_of_a_run_the_masks_are_those_of_the_run() {
+fn standalone_masks_with_run_poses_match_the_run() {
     let given = RECORDING.difference(0.0);
     // The rest is due to the order of processing: a run judges a frame before its final pose is measured.
     assert!(given.share() < 0.002 && given.worst < 0.01, "{given:?}");

@@ -5,7 +5,7 @@ use crate::common::{check, simulate, stderr, stdout, tiny_model};
 use std::path::Path;
 
 #[test]
-fn an_empty_cache_is_listed() {
+fn empty_cache_is_listed() {
     let cache = Cache::new();
     let output = cache.run(&["models", "list"]);
     check(&output, 0, &[]);
@@ -26,7 +26,7 @@ fn an_empty_cache_is_listed() {
 }
 
 #[test]
-fn an_imported_model_is_used_by_its_name() {
+fn imported_model_is_used_by_name() {
     let cache = Cache::new();
     check(&cache.import("office"), 0, &["head yolox, 80 classes"]);
     let listed = stdout(&cache.run(&["models", "list"]));
@@ -61,7 +61,7 @@ fn an_imported_model_is_used_by_its_name() {
 }
 
 #[test]
-fn without_an_argument_a_model_of_the_cache_looks_at_the_frames() {
+fn cached_model_is_the_default_detector() {
     let cache = Cache::new();
     check(&cache.import("office"), 0, &[]);
     let dir = tempfile::tempdir().unwrap();
@@ -126,7 +126,7 @@ fn without_an_argument_a_model_of_the_cache_looks_at_the_frames() {
 }
 
 #[test]
-fn no_model_is_said() {
+fn missing_model_is_reported() {
     let cache = Cache::new();
     let dir = tempfile::tempdir().unwrap();
     let room = dir.path().join("room");
@@ -171,7 +171,7 @@ fn checkpoints_and_networks_are_imported() {
 }
 
 #[test]
-fn what_is_no_model_is_refused() {
+fn invalid_models_are_refused() {
     let cache = Cache::new();
     let file = |name: &str, bytes: &[u8]| {
         let path = cache.dir.path().join(name);
@@ -220,7 +220,7 @@ fn what_is_no_model_is_refused() {
 }
 
 #[test]
-fn libraries_that_cannot_be_used_are_reported() {
+fn unusable_runtime_libraries_are_reported() {
     let cache = Cache::new();
     let model = tiny_model::write(cache.dir.path());
     let broken = cache.dir.path().join("libonnxruntime.so");
@@ -274,7 +274,7 @@ fn libraries_that_cannot_be_used_are_reported() {
 }
 
 #[test]
-fn models_are_written_to_files_of_any_name() {
+fn models_are_written_to_any_file_name() {
     let cache = Cache::new();
     let path = |name: &str| cache.dir.path().join(name);
     std::fs::copy(checkpoint(), path("yolov7 (1).pt")).unwrap();
@@ -304,7 +304,7 @@ fn models_are_written_to_files_of_any_name() {
 
 #[test]
 #[cfg(unix)]
-fn what_never_ends_is_not_read() {
+fn endless_and_huge_model_files_are_refused() {
     let cache = Cache::new();
     let zero = cache.dir.path().join("zero.onnx");
     std::os::unix::fs::symlink("/dev/zero", &zero).unwrap();
@@ -327,7 +327,7 @@ fn what_never_ends_is_not_read() {
 }
 
 #[test]
-fn a_cache_that_cannot_be_read_is_reported() {
+fn unreadable_cache_is_reported() {
     let cache = Cache::new();
     std::fs::write(cache.dir.path().join("models"), "a file").unwrap();
     let room = cache.dir.path().join("room");
@@ -343,7 +343,7 @@ fn a_cache_that_cannot_be_read_is_reported() {
 }
 
 #[test]
-fn a_scene_without_people_is_run_without_the_users_models() {
+fn scene_without_people_runs_without_a_detector() {
     let cache = Cache::new();
     check(&cache.import("office"), 0, &[]);
     let out = cache.dir.path().join("bench");

@@ -7,7 +7,7 @@ use std::io::Write;
 use std::process::Command;
 
 #[test]
-fn wrong_bytes_are_not_kept() {
+fn download_with_a_wrong_checksum_is_not_kept() {
     let cache = Cache::new();
     let server = serve_file(vec![7; 3_659_407]);
     let output = cache.pull("yolox-nano", &server);
@@ -19,7 +19,7 @@ fn wrong_bytes_are_not_kept() {
 }
 
 #[test]
-fn a_server_that_has_it_not() {
+fn missing_file_on_the_server_is_reported() {
     let cache = Cache::new();
     let server = serve(|_, stream| write_head(stream, "404 Not Found", 0));
     check(
@@ -31,7 +31,7 @@ fn a_server_that_has_it_not() {
 
 /// Without a network the message says what to download, how to check it, and where to put it.
 #[test]
-fn offline() {
+fn offline_pull_explains_manual_installation() {
     let cache = Cache::new();
     // A port that was free just before.
     let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
@@ -52,7 +52,7 @@ fn offline() {
 }
 
 #[test]
-fn a_checkpoint_is_pulled_and_turned_into_onnx() {
+fn pulled_checkpoint_is_converted_to_onnx() {
     let bytes = std::fs::read(checkpoint()).unwrap();
     let cache = Cache::new();
     let server = serve_file(bytes.clone());
@@ -98,7 +98,7 @@ fn a_checkpoint_is_pulled_and_turned_into_onnx() {
 }
 
 #[test]
-fn a_model_of_the_users_own_is_not_replaced_unasked() {
+fn user_model_is_not_replaced_unasked() {
     let cache = Cache::new();
     check(&cache.import("yolox-nano"), 0, &[]);
     let before = std::fs::read(cache.file("yolox-nano.onnx")).unwrap();
@@ -118,7 +118,7 @@ fn a_model_of_the_users_own_is_not_replaced_unasked() {
 /// Ctrl-C ends an endless download, and the partial file is kept.
 #[test]
 #[cfg(unix)]
-fn an_interrupted_download_is_kept() {
+fn interrupted_download_keeps_the_partial_file() {
     let cache = Cache::new();
     let server = serve(|_, stream| {
         write_head(stream, "200 OK", 3_659_407)?;

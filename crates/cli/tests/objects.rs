@@ -41,7 +41,7 @@ fn forgetful(table: &str, after: f64) -> String {
 }
 
 #[test]
-fn tracked_people_are_scored_against_the_boxes() {
+fn tracked_people_are_scored_against_boxes() {
     let dir = tempfile::tempdir().unwrap();
     let (scene, out) = (dir.path().join("scene"), dir.path().join("out"));
     simulate(&scene, "walking_xyz", 90);

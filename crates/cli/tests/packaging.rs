@@ -73,7 +73,7 @@ fn manual_pages_pass_their_checker() {
 }
 
 #[test]
-fn what_cannot_be_written_or_completed_is_said() {
+fn unwritable_man_path_or_unknown_shell_is_reported() {
     let file = tempfile::NamedTempFile::new().unwrap();
     let path = file.path().to_str().unwrap();
     check(&stillpoint(["man", path]), 2, &[path, "expected a folder"]);
@@ -82,7 +82,7 @@ fn what_cannot_be_written_or_completed_is_said() {
 
 /// Every linked package is listed with its licence, and no other.
 #[test]
-fn notices_are_of_what_is_linked() {
+fn notices_match_the_linked_packages() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     let read = |name: &str| std::fs::read_to_string(format!("{root}/{name}")).unwrap();
     let (notices, lock) = (read("NOTICES.md"), read("Cargo.lock"));

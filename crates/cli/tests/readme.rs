@@ -106,7 +106,7 @@ fn error_of(file: &str) -> String {
 }
 
 #[test]
-fn the_figures_of_readme_are_those_of_the_demo() {
+fn readme_figures_match_the_demo() {
     let dir = tempfile::tempdir().unwrap();
     let mut demo = program();
     demo.args(["-v", "demo", "--out"]).arg(dir.path());
@@ -145,7 +145,7 @@ fn the_figures_of_readme_are_those_of_the_demo() {
 }
 
 #[test]
-fn figures_that_drift_are_noticed() {
+fn deviating_readme_figures_are_detected() {
     let golden = json!({
         "rows": [["ATE RMSE (mm)", "27.1", "1.0"], ["frames with a pose", "300 of 300", "300 of 300"]],
         "errors": ["filter off: ATE 27.1 mm", "filter on: ATE 1.0 mm"],
@@ -169,7 +169,7 @@ fn peers(text: &str) -> Vec<&str> {
 }
 
 #[test]
-fn the_peers_in_readme_are_those_of_the_comparison() {
+fn readme_comparison_matches_the_evidence() {
     let read = |name: &str| std::fs::read_to_string(root(name)).unwrap();
     let (readme, measured) = (read("README.md"), read("docs/evidence/peers.md"));
     let table = peers(&readme);

@@ -110,14 +110,14 @@ fn online(result: &Path) -> String {
 }
 
 #[test]
-fn the_transforms_are_the_online_trajectory_to_the_last_digit() {
+fn recorded_transforms_equal_the_online_trajectory() {
     let expected = online(&MADE.result);
     assert!(expected.lines().count() > FRAMES / 2);
     assert_eq!(trajectory_of(&topics(&MADE.file)), expected);
 }
 
 #[test]
-fn every_frame_has_its_messages_and_a_picture_of_the_cameras_size() {
+fn every_frame_has_messages_and_a_full_size_picture() {
     let topics = topics(&MADE.file);
     let poses = online(&MADE.result).lines().count() - 1;
     for (topic, expected) in [
@@ -142,7 +142,7 @@ fn every_frame_has_its_messages_and_a_picture_of_the_cameras_size() {
 }
 
 #[test]
-fn a_run_is_the_same_with_a_recording_of_it() {
+fn recording_does_not_change_the_run() {
     let without = MADE.dir.path().join("without");
     run(&MADE.data, &without, &[]);
     for file in ["trajectory.txt", "trajectory_online.txt", "frames.csv"] {
@@ -152,7 +152,7 @@ fn a_run_is_the_same_with_a_recording_of_it() {
 }
 
 #[test]
-fn a_replay_writes_the_same_messages_and_pictures_can_be_left_out() {
+fn replay_records_the_same_messages_without_pictures() {
     let log = MADE.result.join("run.log");
     let out = MADE.dir.path().join("replayed");
     let file = MADE.dir.path().join("replayed.mcap");
@@ -172,7 +172,7 @@ fn a_replay_writes_the_same_messages_and_pictures_can_be_left_out() {
 }
 
 #[test]
-fn a_live_run_records_the_poses_that_it_reports() {
+fn live_run_records_its_reported_poses() {
     let out = MADE.dir.path().join("live");
     let file = MADE.dir.path().join("live.mcap");
     let said = run(
@@ -185,7 +185,7 @@ fn a_live_run_records_the_poses_that_it_reports() {
 }
 
 #[test]
-fn the_surface_and_the_floor_plan_are_recorded_in_the_end() {
+fn surface_and_grid_are_recorded_at_the_end() {
     let (result, file) = (
         MADE.dir.path().join("fused"),
         MADE.dir.path().join("fused.mcap"),
@@ -216,7 +216,7 @@ fn the_surface_and_the_floor_plan_are_recorded_in_the_end() {
 }
 
 #[test]
-fn a_recording_takes_the_place_of_an_older_one_only_when_it_is_whole() {
+fn complete_recording_replaces_an_older_one() {
     let dir = tempfile::tempdir().unwrap();
     let (file, out) = (dir.path().join("old.mcap"), dir.path().join("out"));
     std::fs::write(&file, "old").unwrap();
@@ -232,7 +232,7 @@ fn a_recording_takes_the_place_of_an_older_one_only_when_it_is_whole() {
 }
 
 #[test]
-fn what_cannot_be_recorded_to_is_refused_before_the_run() {
+fn unwritable_recording_path_is_refused_before_the_run() {
     let dir = tempfile::tempdir().unwrap();
     let folder = text(dir.path());
     let inside = dir.path().join("absent/run.mcap");

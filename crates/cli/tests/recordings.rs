@@ -67,7 +67,7 @@ fn info(path: &Path) -> serde_json::Value {
 }
 
 #[test]
-fn a_converted_folder_runs_as_the_folder_does() {
+fn converted_recording_runs_like_its_folder() {
     let (of_folder, _) = run(&PAIR.folder);
     let (of_file, _) = run(&PAIR.file);
     assert!(of_folder.lines().count() >= FRAMES, "{of_folder}");
@@ -88,7 +88,7 @@ fn is_near(a: &str, b: &str) {
 }
 
 #[test]
-fn an_inertial_sensor_is_converted_and_cut_along() {
+fn inertial_samples_are_converted_and_cut() {
     let out = tempfile::tempdir().unwrap();
     let [folder, file, back, cut] =
         ["a", "a.mcap", "b", "cut.mcap"].map(|name| out.path().join(name));
@@ -171,7 +171,7 @@ fn an_inertial_sensor_is_converted_and_cut_along() {
 }
 
 #[test]
-fn odometry_is_converted_and_cut_along() {
+fn odometry_samples_are_converted_and_cut() {
     let out = tempfile::tempdir().unwrap();
     let [folder, file, back, cut] =
         ["a", "a.mcap", "b", "cut.mcap"].map(|name| out.path().join(name));
@@ -223,7 +223,7 @@ fn odometry_is_converted_and_cut_along() {
 }
 
 #[test]
-fn folders_and_recordings_stand_for_their_ground_truth() {
+fn eval_accepts_folders_and_recordings_as_ground_truth() {
     let out = tempfile::tempdir().unwrap();
     let (estimate, _) = run(&PAIR.folder);
     let file = out.path().join("trajectory.txt");
@@ -257,7 +257,7 @@ fn folders_and_recordings_stand_for_their_ground_truth() {
 }
 
 #[test]
-fn info_tells_topics_and_frames() {
+fn info_lists_topics_and_frames() {
     let found = info(&PAIR.file);
     assert_eq!(found["format"], "MCAP");
     assert_eq!(found["frames"], FRAMES);
@@ -270,7 +270,7 @@ fn info_tells_topics_and_frames() {
 }
 
 #[test]
-fn a_part_is_cut_by_time_or_by_frames() {
+fn recording_is_cut_by_time_or_frames() {
     let out = PAIR.dir.path();
     // Frames are 1/30 s apart; cut times between frames do not depend on rounding.
     let by_time = out.join("time.mcap");
@@ -292,7 +292,7 @@ fn a_part_is_cut_by_time_or_by_frames() {
 }
 
 #[test]
-fn parts_that_make_no_sense_are_refused() {
+fn invalid_cut_ranges_are_refused() {
     let out = PAIR.dir.path().join("none.mcap");
     let folder = PAIR.dir.path().join("none");
     let cut = |out: &Path, part: &[&str]| {
@@ -322,7 +322,7 @@ fn parts_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn what_is_before_a_cut_off_end_runs() {
+fn truncated_recording_runs_up_to_its_end() {
     let whole = std::fs::read(&PAIR.file).unwrap();
     let cut_off = PAIR.dir.path().join("cut_off.mcap");
     std::fs::write(&cut_off, &whole[..whole.len() * 3 / 4]).unwrap();
@@ -353,7 +353,7 @@ fn of_two_cameras(one: &Path, two: &Path) {
 }
 
 #[test]
-fn of_two_cameras_one_has_to_be_named() {
+fn recording_with_two_cameras_needs_a_topic() {
     let two = PAIR.dir.path().join("two.mcap");
     of_two_cameras(&PAIR.file, &two);
     let list = [

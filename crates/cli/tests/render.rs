@@ -60,7 +60,7 @@ fn count(picture: &RgbImage, colour: [u8; 3]) -> usize {
 }
 
 #[test]
-fn a_run_becomes_pictures_that_move() {
+fn run_is_rendered_as_an_animation() {
     let out = at("run.webp");
     let output = render(&MADE.result, &out, &[]);
     check(&output, 0, &[]);
@@ -96,7 +96,7 @@ fn a_run_becomes_pictures_that_move() {
 }
 
 #[test]
-fn people_are_tinted_and_the_trajectory_is_there() {
+fn render_tints_people_and_draws_the_trajectory() {
     let [people, room] = redness(&STILL);
     assert!(count(&STILL, [30, 200, 110]) > 30);
     assert!(count(&STILL, [240, 244, 250]) > 30, "the true one");
@@ -114,7 +114,7 @@ fn people_are_tinted_and_the_trajectory_is_there() {
 }
 
 #[test]
-fn other_trajectories_are_drawn_beside_it() {
+fn render_draws_additional_trajectories() {
     assert_eq!(count(&STILL, OTHER), 0);
     // A trajectory with accelerating drift to the side.
     let ours = std::fs::read_to_string(MADE.result.join("trajectory.txt")).unwrap();
@@ -136,7 +136,7 @@ fn other_trajectories_are_drawn_beside_it() {
 }
 
 #[test]
-fn what_is_too_large_is_made_smaller_or_not_at_all() {
+fn render_respects_the_size_limit() {
     let (out, bound) = (at("small.gif"), 0.3);
     let output = render(&MADE.result, &out, &["--max-mb", "0.3"]);
     check(&output, 0, &["smaller or fewer pictures keep"]);
@@ -150,7 +150,7 @@ fn what_is_too_large_is_made_smaller_or_not_at_all() {
 }
 
 #[test]
-fn what_cannot_be_rendered_is_refused() {
+fn unusable_render_input_is_refused() {
     let result = &MADE.result;
     let refused = |result: &Path, out: &Path, more: &[&str], said: &str| {
         let there = std::fs::read(out).ok();
@@ -231,7 +231,7 @@ fn what_cannot_be_rendered_is_refused() {
 }
 
 #[test]
-fn a_run_whose_input_moved_is_found_by_its_name() {
+fn render_accepts_a_moved_input() {
     let moved = at("moved");
     copy(&at("people walk"), &moved);
     let out = at("moved.png");

@@ -41,7 +41,7 @@ pub(crate) fn summary(result: &Path) -> Value {
 }
 
 #[test]
-fn a_run_leaves_a_page_that_says_how_to_repeat_it() {
+fn run_writes_a_report_with_its_command() {
     let page = std::fs::read_to_string(&MADE.page).unwrap();
     assert!(page.len() < 3_000_000, "{}", page.len());
     assert!(page.contains("<title>people walk - Stillpoint</title>"));
@@ -49,7 +49,7 @@ fn a_run_leaves_a_page_that_says_how_to_repeat_it() {
 }
 
 #[test]
-fn without_a_report_the_result_is_the_same() {
+fn result_is_the_same_without_a_report() {
     let again = MADE.dir.path().join("without");
     let data = MADE.dir.path().join("people walk");
     let script = format!("scripted:{}", data.join("detections.csv").display());
@@ -76,7 +76,7 @@ fn without_a_report_the_result_is_the_same() {
 }
 
 #[test]
-fn a_report_is_made_again_of_itself_and_of_several() {
+fn report_is_remade_and_combined_from_several() {
     let out = MADE.dir.path().join("again.html");
     let result = text(&MADE.result);
     let output = stillpoint(["report", result, "--out", text(&out)]);
@@ -109,7 +109,7 @@ fn a_report_is_made_again_of_itself_and_of_several() {
 }
 
 #[test]
-fn what_is_no_result_is_refused() {
+fn invalid_result_folder_is_refused() {
     let empty = MADE.dir.path().join("empty");
     std::fs::create_dir_all(&empty).unwrap();
     let lacks = ["summary.json", "expected a file of a result folder"];
@@ -141,7 +141,7 @@ pub(crate) const LOOK: &str = "new Promise(done => requestAnimationFrame(() => r
 })))";
 
 #[test]
-fn the_page_shows_what_the_summary_says() {
+fn report_page_matches_the_summary() {
     let Some(mut browser) = Browser::start(&[]) else {
         return;
     };
@@ -180,7 +180,7 @@ fn the_page_shows_what_the_summary_says() {
 }
 
 #[test]
-fn keys_and_fingers_do_what_the_mouse_does() {
+fn keyboard_and_touch_work_like_the_mouse() {
     let Some(mut browser) = Browser::start(&[]) else {
         return;
     };
@@ -285,7 +285,7 @@ pub(crate) const FAINT: &str = "(() => {
 })()";
 
 #[test]
-fn it_can_be_read_on_a_phone_in_the_dark_and_without_motion() {
+fn report_supports_phone_dark_mode_and_reduced_motion() {
     let Some(mut browser) = Browser::start(&[]) else {
         return;
     };
@@ -309,7 +309,7 @@ fn it_can_be_read_on_a_phone_in_the_dark_and_without_motion() {
 }
 
 #[test]
-fn without_webgl_all_but_the_view_is_there() {
+fn without_webgl_all_but_the_3d_view_works() {
     let Some(mut browser) = Browser::start(&["--disable-3d-apis"]) else {
         return;
     };

@@ -39,7 +39,7 @@ fn bytes(value: &Value) -> Vec<u8> {
 }
 
 #[test]
-fn a_screen_holds_all_that_belongs_to_a_frame() {
+fn one_screen_shows_everything_of_a_frame() {
     let Some(mut browser) = Browser::start(&[]) else {
         return;
     };
@@ -85,7 +85,7 @@ fn a_screen_holds_all_that_belongs_to_a_frame() {
 }
 
 #[test]
-fn it_opens_where_something_happened_and_takes_keys_at_once() {
+fn report_opens_at_the_worst_frame_and_accepts_keys() {
     let Some(mut browser) = Browser::start(&[]) else {
         return;
     };
@@ -124,7 +124,7 @@ fn it_opens_where_something_happened_and_takes_keys_at_once() {
 }
 
 #[test]
-fn it_prints_on_two_pages() {
+fn report_prints_on_two_pages() {
     let Some(mut browser) = Browser::start(&[]) else {
         return;
     };
@@ -161,7 +161,7 @@ const OVERLAPS: &str = "(() => {
 })()";
 
 #[test]
-fn nothing_overlaps_on_a_phone_or_on_a_screen() {
+fn nothing_overlaps_at_any_screen_size() {
     let Some(mut browser) = Browser::start(&[]) else {
         return;
     };
@@ -209,7 +209,7 @@ fn difference(a: &image::RgbImage, b: &image::RgbImage) -> f64 {
 }
 
 #[test]
-fn it_looks_as_it_did() {
+fn report_matches_golden_screenshots() {
     let Some(mut browser) = Browser::start(&[]) else {
         return;
     };

@@ -72,7 +72,7 @@ fn compared(text: &str) -> &str {
 }
 
 #[test]
-fn a_folder_like_tum_gives_a_table_beside_published_figures() {
+fn tum_suite_compares_with_published_figures() {
     let dir = tempfile::tempdir().unwrap();
     let tum = dir.path().join("tum");
     copy(&room(), &tum.join("rgbd_dataset_freiburg3_walking_xyz"));
@@ -180,7 +180,7 @@ fn a_folder_like_tum_gives_a_table_beside_published_figures() {
 }
 
 #[test]
-fn an_ablation_and_live_runs_go_with_a_suite() {
+fn suite_runs_with_ablation_and_live() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("rgbd_dataset_freiburg3_walking_rpy");
     simulate(&folder, "walking_rpy", 8);
@@ -243,7 +243,7 @@ fn an_ablation_and_live_runs_go_with_a_suite() {
 }
 
 #[test]
-fn a_sequence_that_fails_does_not_stop_the_others() {
+fn failing_sequence_does_not_stop_the_others() {
     let dir = tempfile::tempdir().unwrap();
     let broken = dir.path().join("fr3_walking_xyz");
     copy(&room(), &broken);
@@ -302,7 +302,7 @@ fn bonn(folder: &Path) {
 }
 
 #[test]
-fn bonn_is_scored_against_the_camera_behind_the_marker_with_both_factors_of_depth() {
+fn bonn_suite_uses_marker_transform_and_both_depth_scales() {
     let dir = tempfile::tempdir().unwrap();
     let crowd = dir.path().join("bonn/rgbd_bonn_crowd");
     bonn(&crowd);
@@ -380,7 +380,7 @@ fn marker_pose(world_from_camera: &Se3) -> Se3 {
 }
 
 #[test]
-fn what_cannot_be_used_is_said_before_anything_runs() {
+fn invalid_suite_input_is_reported_before_any_run() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     let output = suite("bonn", dir.path(), &out, &[]);

@@ -13,7 +13,7 @@ fn things(level: &Value) -> &Vec<Value> {
 }
 
 #[test]
-fn things_are_found_kept_listed_and_left_alone_by_localize() {
+fn things_are_found_saved_listed_and_kept_by_localize() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     let (data, result, map) = (at("room"), at("result"), at("room.spmap"));
@@ -92,7 +92,7 @@ fn things_are_found_kept_listed_and_left_alone_by_localize() {
 }
 
 #[test]
-fn maps_without_things_say_how_to_get_them() {
+fn map_without_things_explains_how_to_get_them() {
     let dir = tempfile::tempdir().unwrap();
     let (data, map) = (dir.path().join("room"), dir.path().join("room.spmap"));
     crate::common::simulate(&data, "xyz", 4);

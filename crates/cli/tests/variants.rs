@@ -48,7 +48,7 @@ fn run(path: &Path, truth: &Path) -> (String, f64) {
 }
 
 #[test]
-fn variants_of_a_recording_run_as_the_folder_does() {
+fn recording_variants_run_like_the_folder() {
     let Some((folder, made)) = variants() else {
         return;
     };
@@ -76,7 +76,7 @@ fn variants_of_a_recording_run_as_the_folder_does() {
 }
 
 #[test]
-fn every_way_of_writing_mcap_is_read() {
+fn every_mcap_writing_option_is_read() {
     let Some((_, made)) = variants() else {
         return;
     };

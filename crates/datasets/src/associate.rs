@@ -153,7 +153,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn equals_brute_force(a in stamps(), b in stamps(), max_dt in 0.0..0.05f64) {
+        fn association_equals_brute_force(a in stamps(), b in stamps(), max_dt in 0.0..0.05f64) {
             prop_assert_eq!(associate(&a, &b, max_dt), brute_force(&a, &b, max_dt));
         }
     }
@@ -166,7 +166,7 @@ mod tests {
 
     /// Listing all pairs within the limit would take 10^9 steps.
     #[test]
-    fn many_stamps_near_each_other_take_no_more_than_others() {
+    fn many_close_stamps_are_associated_quickly() {
         let n = 30_000;
         let a: Vec<f64> = (0..n).map(|i| f64::from(i) * 1e-7).collect();
         let b: Vec<f64> = a.iter().map(|t| t + 3e-8).collect();

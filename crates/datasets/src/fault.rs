@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn late_depth_is_paired_with_what_came_before() {
+    fn late_depth_is_paired_with_an_earlier_frame() {
         for (late, lag) in [(0.12, 1), (-0.21, -2), (0.04, 0)] {
             let frames = all(Fault::DepthLate(late));
             assert_eq!(frames.len(), 40);
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn scales_and_places_are_changed() {
+    fn faults_change_depth_scale_and_position() {
         assert_eq!(all(Fault::DepthScale(5.0))[1].depth.at(8, 2), 10.0);
         assert_eq!(all(Fault::MirroredDepth)[0].depth.at(55, 2), 1.0);
         let camera = Camera::pinhole(64, 4, [100.0, 100.0, 31.5, 1.5]);

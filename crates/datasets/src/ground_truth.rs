@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn matrices_are_checked() {
+    fn pose_matrices_are_validated() {
         let p = Path::new("frame-000000.pose.txt");
         let good = "1 0 0 5\n0 1 0 6\n0 0 1 7\n0 0 0 1\n";
         let pose = parse_matrix(good, p).unwrap().unwrap();

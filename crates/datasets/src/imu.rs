@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_table_leaves_out_is_a_bmi055() {
+    fn missing_imu_settings_default_to_a_bmi055() {
         assert_eq!(camera("").unwrap().imu, None);
         assert_eq!(camera("[imu]\n").unwrap().imu, Some(ImuModel::bmi055()));
         let half = 0.5_f64.sqrt();
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_and_files_that_cannot_be_name_what_is_wrong() {
+    fn invalid_imu_tables_and_files_report_the_reason() {
         let refused = |table: &str| camera(table).unwrap_err().to_string();
         let e = refused("[imu]\nrotation = [0.0, 0.0, 0.0, 2.0]\n");
         assert!(
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_in_nanoseconds_become_seconds() {
+    fn nanosecond_stamps_become_seconds() {
         let text: String = (0..9_u64)
             .map(|i| {
                 format!(
@@ -176,7 +176,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_reads_back(values in proptest::collection::vec(proptest::array::uniform6(-50.0..50.0f64), 0..20), x in -0.5..0.5f64, y in -0.5..0.5f64) {
+        fn imu_samples_and_model_round_trip(values in proptest::collection::vec(proptest::array::uniform6(-50.0..50.0f64), 0..20), x in -0.5..0.5f64, y in -0.5..0.5f64) {
             let samples: Vec<ImuSample> = values.iter().enumerate().map(|(k, v)| ImuSample {
                 stamp: 0.005 * k as f64,
                 angular_rate: [v[0], v[1], v[2]],

@@ -232,7 +232,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn lists_read_with_comments_and_blanks_in_names() {
+    fn image_lists_allow_comments_and_blanks_in_names() {
         let list = parse_image_list(
             "# head\n\n1.5 rgb/a b.png\r\n2.5,rgb/c.png\n",
             Path::new("rgb.txt"),
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_out_of_order_are_sorted_and_repeats_left_out() {
+    fn out_of_order_lines_are_sorted_and_repeats_dropped() {
         let (list, said) = settled(&[("2", "b"), ("1", "a"), ("3", "c"), ("3", "d"), ("4", "e")]);
         assert_eq!(list.stamps, [1.0, 2.0, 3.0, 4.0]);
         assert_eq!(list.files, ["a", "b", "c", "e"].map(PathBuf::from));
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_after_a_clock_was_set_back_keep_their_order() {
+    fn line_order_is_kept_after_a_backward_clock_jump() {
         let stamps: Vec<String> = (0..40)
             .map(|i| format!("{:.3}", f64::from(i) * 0.1 - if i < 20 { 0.0 } else { 1.0 }))
             .collect();
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_of_another_unit_are_said_and_become_seconds() {
+    fn stamps_in_other_units_are_reported_and_converted() {
         let stamps: Vec<String> = (0..9)
             .map(|i| format!("{}", 1_305_031_102_175_304_000_u64 + i * 33_333_333))
             .collect();
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn associations_tell_depth_by_the_names() {
+    fn associations_identify_depth_by_file_name() {
         let tum = parse_associations("1 rgb/a.png 1.01 depth/b.png", Path::new("a")).unwrap();
         let icl = parse_associations("1.01 depth/b.png 1 rgb/a.png", Path::new("a")).unwrap();
         assert!(!tum.depth_first && icl.depth_first);

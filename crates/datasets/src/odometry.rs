@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_must_say_how_the_camera_stands_and_may_say_more() {
+    fn odometry_table_requires_the_camera_mount() {
         assert_eq!(camera("").unwrap().odometry, None);
         let table = "[odometry]\nrotation = [0.0, 0.0, 0.0, 1.0]\ntranslation = [0.1, 0.0, 0.5]\n";
         let model = camera(table).unwrap().odometry.unwrap();
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_that_cannot_be_name_what_is_wrong() {
+    fn malformed_odometry_lines_report_the_reason() {
         for (text, part) in [
             ("1 0 0 0 0 0 0\n", "odometry.csv:1:"),
             ("# c\n1,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,1\n", "repeats"),
@@ -185,7 +185,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_reads_back(values in proptest::collection::vec(proptest::array::uniform6(-3.0..3.0f64), 0..20), known in any::<bool>()) {
+        fn odometry_samples_and_model_round_trip(values in proptest::collection::vec(proptest::array::uniform6(-3.0..3.0f64), 0..20), known in any::<bool>()) {
             let samples: Vec<OdometrySample> = values.iter().enumerate().map(|(k, v)| {
                 let turn = so3::exp(&Vec3::new(v[3], v[4], v[5]));
                 OdometrySample {

@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn an_image_that_was_cut_off_is_none() {
+    fn truncated_image_is_refused() {
         for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP] {
             let whole = encoded(format);
             assert_eq!(image_format(&whole), Some(format));
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_are_looked_at_before_pixels() {
+    fn image_size_is_checked_before_decoding() {
         // A PNG of 40 000 x 2500 px without pixel data.
         let mut png = encoded(ImageFormat::Png);
         png[16..20].copy_from_slice(&40_000_u32.to_be_bytes());
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn profiles_and_texts_are_not_unpacked() {
+    fn profiles_and_texts_are_not_decompressed() {
         let plain = encoded(ImageFormat::Png);
         // An invalid profile: a decoder that reads it rejects the image or warns.
         let body = [&b"iCCPa\0\0"[..], &[0x78, 0x9c, 1, 2, 3]].concat();

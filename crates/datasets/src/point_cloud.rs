@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cloud_is_a_header_and_forty_bytes_per_point() {
+    fn point_cloud_has_a_header_and_40_bytes_per_point() {
         let point = CloudPoint {
             position: [1.0, -2.0, 0.5],
             normal: [0.0, 0.0, -1.0],
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ending_of_a_name_says_the_format() {
+    fn file_extension_selects_the_format() {
         let of = |name: &str| CloudFormat::of(Path::new(name));
         assert_eq!(of("a/desk.ply"), Some(CloudFormat::Ply));
         assert_eq!(of("desk.PCD"), Some(CloudFormat::Pcd));

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn eurocs_files_are_read_with_and_without_header() {
+    fn euroc_files_are_read_with_and_without_header() {
         let row = "1403636580838555648,4.5,-1.6,0.8,0.6,0,0.8,0,1,2,3,4,5,6,7,8,9";
         let expected = (1_403_636_580.838_555_6, 4.5, 0.6);
         for text in [format!("{EUROC}\n{row}\n"), format!("{row}\n")] {
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_tells_where_w_stands() {
+    fn header_determines_the_quaternion_order() {
         let rows = "1.5 1 2 3 0.6 0 0.8 0\n2.5 1 2 3 0.6 0 0.8 0\n";
         for (header, w) in [
             ("# timestamp tx ty tz qw qx qy qz\n", 0.6),
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn signs_tell_where_w_stands() {
+    fn quaternion_order_is_inferred_from_signs() {
         for clear in [0.0, 0.5] {
             let parsed = |first| trajectory::parse_said(&turning(first, clear), Path::new("t"));
             let (poses, said) = parsed(0).unwrap();
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn units_of_stamps_are_recognised_and_said() {
+    fn stamp_units_are_recognised_and_reported() {
         for (scale, word) in [
             (1e3, "milliseconds"),
             (1e6, "microseconds"),
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn other_columns_are_refused() {
+    fn other_column_counts_are_refused() {
         for text in ["1 2 3 4 5 6 7 8 9 10 11 12\n", "1 2 3\n"] {
             let e = trajectory::parse(text, Path::new("t"))
                 .unwrap_err()

@@ -61,7 +61,7 @@ mod tests {
     use stillpoint_geometry::{Vec3, so3};
 
     #[test]
-    fn vertices_and_edges_have_a_line_each() {
+    fn g2o_file_has_a_line_per_vertex_and_edge() {
         let turned = Se3::new(
             so3::exp(&Vec3::new(0.0, 0.0, 3.0)),
             Vec3::new(1.0, 2.0, -0.5),

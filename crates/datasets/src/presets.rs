@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn folder_names_tell_the_preset() {
+    fn camera_preset_is_found_by_folder_name() {
         for (name, preset) in [
             ("rgbd_dataset_freiburg1_xyz", Some("tum_fr1")),
             ("FR2_desk", Some("tum_fr2")),

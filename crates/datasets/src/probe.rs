@@ -183,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_likely_factor_is_that_of_an_indoor_scene() {
+    fn likely_depth_factor_gives_indoor_depths() {
         // Depth of 2 m in millimetres, read at 5000000 and at 5 per metre.
         for scale in [5e6, 5.0] {
             let doubt = ScaleDoubt::new(&mut [2000.0 / scale], scale, &FACTORS).unwrap();

@@ -313,7 +313,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn masks_have_the_camera_s_size_and_boxes_are_listed() {
+    fn masks_have_the_camera_size_and_boxes_are_listed() {
         let dir = tempfile::tempdir().unwrap();
         let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
         let mut r = Recorder::create(dir.path(), &camera, "toy", ColourFormat::Png).unwrap();

@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn what_never_ends_is_not_begun() {
+    fn devices_and_sockets_are_refused() {
         let e = read_regular(Path::new("/dev/zero"), 9).unwrap_err();
         assert!(e.to_string().contains("a device"), "{e}");
         let dir = tempfile::tempdir().unwrap();

@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_was_set_back_keeps_the_order_of_writing() {
+    fn order_is_kept_after_a_backward_clock_jump() {
         for by in [0.1, 0.5, 1.7, 3600.0] {
             let mut stamps = steady(90);
             stamps[40..].iter_mut().for_each(|t| *t -= by);
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_late_is_put_in_its_place() {
+    fn late_stamps_are_sorted_into_place() {
         let mut swapped = steady(60);
         swapped.swap(10, 11);
         swapped.swap(20, 22);
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn repeats_are_left_out_and_another_clock_tells_the_step() {
+    fn repeats_are_dropped_and_another_clock_gives_the_step() {
         let m = mended(&[1.0, 1.1, 1.1, 1.2]);
         assert_eq!((m.repeats, order(&m)), (1, vec![0, 1, 3]));
         let mut stamps = steady(40);
@@ -255,7 +255,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn stamps_ascend_and_none_is_lost(steps in proptest::collection::vec(-2.0..2.0f64, 0..80)) {
+        fn stamps_increase_and_none_is_lost(steps in proptest::collection::vec(-2.0..2.0f64, 0..80)) {
             let mut t = 0.0;
             let stamps: Vec<f64> = steps.iter().map(|s| { t += s; t }).collect();
             let m = mended(&stamps);
@@ -264,7 +264,7 @@ mod tests {
         }
 
         #[test]
-        fn stamps_in_order_stay_as_they_are(steps in proptest::collection::vec(1e-3..2.0f64, 0..80)) {
+        fn ordered_stamps_are_unchanged(steps in proptest::collection::vec(1e-3..2.0f64, 0..80)) {
             let mut t = 1.3e9;
             let stamps: Vec<f64> = steps.iter().map(|s| { t += s; t }).collect();
             let m = mended(&stamps);

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn reads_comments_blanks_commas_and_windows_line_ends() {
+    fn comments_blanks_commas_and_crlf_are_read() {
         let text = "\u{feff}# head\r\n\r\n1.5, 1,2,3, 0,0,0,2\r\n  \n2.5\t1 2 3 0 0 0 1";
         let poses = parse(text, Path::new("t")).unwrap();
         assert_eq!(poses.len(), 2);
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_is_wrong_and_where() {
+    fn malformed_trajectories_report_line_and_reason() {
         check(
             "# x\n1 0 0 0 0 0 0\n",
             &["dir/t.txt:2:", "8 numbers", "7 columns"],
@@ -173,14 +173,14 @@ mod tests {
     }
 
     #[test]
-    fn missing_file_is_named() {
+    fn missing_file_is_reported() {
         let e = read(Path::new("/no/such/file.txt")).unwrap_err();
         assert!(e.to_string().contains("/no/such/file.txt"));
     }
 
     proptest! {
         #[test]
-        fn round_trip(
+        fn trajectory_round_trips(
             rows in proptest::collection::vec((0.001..0.1f64, proptest::array::uniform3(-100.0..100.0f64),
                 proptest::array::uniform3(-3.0..3.0f64)), 0..20)
         ) {

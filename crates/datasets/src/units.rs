@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn size_and_distance_tell_the_unit() {
+    fn unit_is_inferred_from_magnitude_and_step() {
         for (start, step, expected) in [
             (1.3e9, 1.0 / 30.0, Unit::Seconds),
             (0.0, 1.0, Unit::Seconds),

@@ -19,7 +19,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_cannot_be_written_is_named() {
+    fn unwritable_target_is_reported() {
         let dir = tempfile::tempdir().unwrap();
         let target = dir.path().join("folder");
         std::fs::create_dir(&target).unwrap();
@@ -30,7 +30,7 @@ mod tests {
     /// `/dev/full` is always full.
     #[test]
     #[cfg(target_os = "linux")]
-    fn a_full_device_is_reported() {
+    fn full_device_is_reported() {
         let e = write_atomic(Path::new("/dev/full"), b"x").unwrap_err();
         assert!(e.to_string().contains("/dev/full"), "{e}");
     }

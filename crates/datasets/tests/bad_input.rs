@@ -8,7 +8,7 @@ use stillpoint_datasets::{
 use stillpoint_imaging::FrameSource;
 
 #[test]
-fn folder_is_missing_a_file_or_empty() {
+fn missing_empty_or_non_folder_input_is_reported() {
     let f = Folder::empty("x");
     f.fails(&["x", "empty folder"]);
     fails(
@@ -25,7 +25,7 @@ fn folder_is_missing_a_file_or_empty() {
 }
 
 #[test]
-fn no_depth() {
+fn missing_depth_is_reported() {
     let f = Folder::tum("x", 3);
     f.text("depth.txt", "# nothing\n");
     f.fails(&["depth.txt", "found none", "RGB-D"]);
@@ -40,7 +40,7 @@ fn no_depth() {
 }
 
 #[test]
-fn unknown_layout_shows_the_content_and_the_folder_meant() {
+fn unknown_layout_reports_content_and_suggests_a_folder() {
     let f = Folder::empty("x");
     f.text("notes.md", "");
     f.fails(&["rgb.txt and depth.txt", "found notes.md", "one sequence"]);
@@ -78,7 +78,7 @@ fn unknown_camera_lists_the_choices() {
 }
 
 #[test]
-fn lists_with_bad_lines_and_stamps() {
+fn malformed_lists_and_stamps_are_reported() {
     let f = Folder::tum("x", 3);
     f.text("rgb.txt", "# c\n0.0 rgb/0.png\n0.1\n");
     f.fails(&["rgb.txt:3:", "a timestamp and a file name", "\"0.1\""]);
@@ -105,7 +105,7 @@ fn lists_with_bad_lines_and_stamps() {
 }
 
 #[test]
-fn ground_truth_with_a_bad_line() {
+fn malformed_ground_truth_is_reported_with_its_line() {
     let f = Folder::tum("x", 3);
     assert_eq!(f.open().ground_truth().unwrap(), None);
     f.text("groundtruth.txt", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0\n");
@@ -150,7 +150,7 @@ fn truncate(f: &Folder, format: ImageFormat) {
 }
 
 #[test]
-fn a_first_image_of_another_size_does_not_set_the_size() {
+fn first_image_of_another_size_does_not_set_the_size() {
     let f = Folder::tum("x", 5);
     f.image(
         "rgb/0.png",
@@ -221,7 +221,7 @@ fn one_unreadable_frame_is_skipped_unless_strict() {
 }
 
 #[test]
-fn what_is_wrong_with_every_frame_is_said_on_opening() {
+fn problems_of_every_frame_are_reported_on_opening() {
     let f = Folder::tum("x", 3);
     for i in 0..3 {
         f.image(&format!("depth/{i}.png"), &gray(9));
@@ -248,7 +248,7 @@ fn what_is_wrong_with_every_frame_is_said_on_opening() {
 }
 
 #[test]
-fn depth_that_is_all_zero_or_saturated() {
+fn all_zero_depth_is_refused() {
     let f = Folder::tum("x", 3);
     for i in 0..3 {
         f.image(&format!("depth/{i}.png"), &depth(0));
@@ -263,7 +263,7 @@ fn depth_that_is_all_zero_or_saturated() {
 }
 
 #[test]
-fn a_wrong_depth_scale_is_warned_about() {
+fn wrong_depth_scale_gives_a_warning() {
     let f = Folder::tum("x", 3);
     assert!(f.open().warnings().is_empty());
     // Depth in millimetres would be 2000; here 10000 values for 2 m.
@@ -278,7 +278,7 @@ fn a_wrong_depth_scale_is_warned_about() {
 }
 
 #[test]
-fn starting_behind_the_end() {
+fn start_beyond_the_end_is_refused() {
     let d = Folder::tum("x", 3).open();
     let options = FrameOptions {
         start: 3,
@@ -331,7 +331,7 @@ fn devices_and_pipes_are_not_read() {
 
 /// A lens that folds within the images is reported when the folder is opened.
 #[test]
-fn a_lens_that_folds_is_told_before_the_first_frame() {
+fn folding_lens_is_reported_before_the_first_frame() {
     let f = Folder::tum("x", 3);
     f.remove("camera.txt");
     f.text(

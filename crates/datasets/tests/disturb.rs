@@ -7,7 +7,7 @@ use stillpoint_imaging::FrameSource;
 
 proptest! {
     #[test]
-    fn disturbances_touch_their_frames_alone(
+    fn disturbances_change_only_their_frames(
         script in script(),
         start in 0..10_u32,
         count in 1..5_u32,
@@ -80,7 +80,7 @@ fn impossible_disturbances_are_refused() {
 }
 
 #[test]
-fn a_blurred_pixel_is_the_mean_of_those_around_it() {
+fn blurred_pixel_is_the_mean_of_its_neighbourhood() {
     let [w, h] = SIZE;
     let level = |i: usize| ((i * 37) % 200) as u8;
     struct One(Option<stillpoint_imaging::RgbdFrame>);

@@ -35,7 +35,7 @@ proptest! {
     /// Any contents of a text file give a data set, or an error that names the file or its folder and, where it concerns a line, a line of
     /// that file.
     #[test]
-    fn mutated_folders_never_panic_and_errors_name_the_place(
+    fn mutated_folders_never_panic_and_give_located_errors(
         file in prop::sample::select(vec![
             "rgb.txt", "depth.txt", "camera.txt", "groundtruth.txt", "camera.toml", "associations.txt",
         ]),

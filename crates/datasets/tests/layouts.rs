@@ -19,7 +19,7 @@ fn frames(dataset: &Dataset, options: &FrameOptions) -> Vec<RgbdFrame> {
 }
 
 #[test]
-fn tum_lists() {
+fn tum_layout_is_read() {
     let f = Folder::tum("x", 5);
     f.text("depth.txt", "0.005 depth/0.png\n0.105 depth/1.png\n0.305 depth/3.png\n0.35 depth/4.png\n0.405 depth/4.png\n");
     let d = f.open();
@@ -64,7 +64,7 @@ fn tum_lists() {
 }
 
 #[test]
-fn associations_jpeg_and_webp() {
+fn associations_with_jpeg_and_webp_are_read() {
     let f = Folder::tum("rgbd_bonn_x", 3);
     f.remove("rgb.txt");
     f.image_as("rgb/0.png", &gray(100), ImageFormat::Jpeg);
@@ -100,7 +100,7 @@ fn depth_first_with_seconds_is_not_icl_nuim() {
 }
 
 #[test]
-fn camera_choices_come_before_guesses() {
+fn chosen_camera_overrides_guesses() {
     let f = Folder::tum("fr2_x", 2);
     f.text("my.toml", "name = \"mine\"\nfx = 31.0\nfy = 32.0\ncx = 15.0\ncy = 12.0\ndepth_scale = 5000.0\ndistortion = [0.1, 0.02, 0.003, 0.004, 0.005]\n");
     let options = OpenOptions {
@@ -117,7 +117,7 @@ fn camera_choices_come_before_guesses() {
 }
 
 #[test]
-fn icl_nuim_by_its_associations() {
+fn icl_nuim_layout_is_recognised_by_its_associations() {
     let f = Folder::empty("traj0_frei_png");
     let big = |image: DynamicImage| image.resize_exact(640, 480, image::imageops::Nearest);
     for i in 1..4 {
@@ -162,7 +162,7 @@ fn icl_nuim_by_its_associations() {
 
 /// Numbered images alone do not imply a camera.
 #[test]
-fn numbered_images_ask_for_their_camera() {
+fn numbered_images_need_a_camera() {
     let f = Folder::tum("mine", 3);
     for name in ["rgb.txt", "depth.txt", "camera.txt"] {
         f.remove(name);
@@ -195,7 +195,7 @@ fn numbered_images_ask_for_their_camera() {
 
 /// As from phones: nothing in a folder states that the view is the same.
 #[test]
-fn depth_in_fewer_pixels_is_refused_with_what_to_do() {
+fn smaller_depth_images_are_refused_with_advice() {
     let f = Folder::tum("phone", 2);
     for (size, part) in [
         ([16, 12], "mogrify -sample '32x24!'"),
@@ -211,7 +211,7 @@ fn depth_in_fewer_pixels_is_refused_with_what_to_do() {
 }
 
 #[test]
-fn a_camera_that_cannot_be_is_refused_when_the_size_is_known() {
+fn implausible_camera_is_refused_once_the_size_is_known() {
     let f = Folder::tum("x", 2);
     for (camera, part) in [
         ("30 30 0 0 5000", "cx = 0.0"),
@@ -227,7 +227,7 @@ fn a_camera_that_cannot_be_is_refused_when_the_size_is_known() {
 }
 
 #[test]
-fn seven_scenes() {
+fn seven_scenes_layout_is_read() {
     let f = Folder::empty("seq-01");
     for i in 0..3 {
         f.image(
@@ -287,7 +287,7 @@ pub(crate) fn frame(i: u32, colour: bool) -> RgbdFrame {
 }
 
 #[test]
-fn a_recording_reads_back() {
+fn recorded_data_set_round_trips() {
     for (format, colour) in [
         (ColourFormat::Png, true),
         (ColourFormat::Png, false),
@@ -343,7 +343,7 @@ fn a_recording_reads_back() {
 }
 
 #[test]
-fn saturated_depth_is_no_measurement() {
+fn saturated_depth_is_invalid() {
     let f = Folder::empty("x");
     f.image("d.png", &depth(65535));
     assert_eq!(

@@ -62,7 +62,7 @@ fn drain(mut source: impl FrameSource) -> Vec<String> {
 }
 
 #[test]
-fn read_ahead_passes_everything_on_in_order() {
+fn read_ahead_forwards_everything_in_order() {
     for n in [1, 2, 8] {
         let out = |script| drain(ReadAhead::with_capacity(scripted(script).0, n));
         assert_eq!(out("ffrf"), ["f0", "f1", "r", "f3"]);

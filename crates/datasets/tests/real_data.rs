@@ -9,7 +9,7 @@ fn open(name: &str) -> Option<Dataset> {
 }
 
 #[test]
-fn fr1_xyz() {
+fn fr1_xyz_opens_completely() {
     let Some(d) = open("fr1_xyz") else { return };
     assert_eq!((d.layout(), d.counts().frames), (Layout::Tum, 300));
     assert_eq!(d.camera().name, "tum_fr1");
@@ -32,7 +32,7 @@ fn fr1_xyz() {
 }
 
 #[test]
-fn the_others_open() {
+fn other_recordings_open_without_warnings() {
     for (name, frames) in [
         ("fr1_xyz_walkers", 300),
         ("kitchen", 334),

@@ -72,7 +72,7 @@ fn play(splice: &mut Splice) -> Items {
 
 proptest! {
     #[test]
-    fn every_planned_frame_comes_in_its_turn(plans in plans()) {
+    fn every_planned_frame_comes_in_order(plans in plans()) {
         let mut splice = splice(&plans);
         let total: usize = plans.iter().map(Plan::len).sum();
         let mut id = 0;
@@ -119,7 +119,7 @@ proptest! {
     }
 
     #[test]
-    fn stamps_step_as_the_sources_do_and_by_a_period_in_between(plans in plans()) {
+    fn splice_stamps_keep_source_steps_and_join_by_a_period(plans in plans()) {
         let mut splice = splice(&plans);
         let frames: Vec<RgbdFrame> = play(&mut splice).into_iter().flatten().collect();
         prop_assert_eq!(frames[0].stamp, 0.0);
@@ -135,7 +135,7 @@ proptest! {
     }
 
     #[test]
-    fn the_truth_is_that_of_the_sources_at_the_new_stamps(plans in plans()) {
+    fn splice_ground_truth_follows_the_new_stamps(plans in plans()) {
         let mut splice = splice(&plans);
         prop_assert!(splice.ground_truth().is_empty());
         let frames: Vec<RgbdFrame> = play(&mut splice).into_iter().flatten().collect();
@@ -153,7 +153,7 @@ proptest! {
     }
 
     #[test]
-    fn playing_again_gives_the_same(plans in plans()) {
+    fn splice_is_deterministic(plans in plans()) {
         let (mut a, mut b) = (splice(&plans), splice(&plans));
         let (one, two) = (play(&mut a), play(&mut b));
         prop_assert_eq!(format!("{one:?}"), format!("{two:?}"));
@@ -171,7 +171,7 @@ fn end_of(parts: Vec<Part>) -> SourceError {
 }
 
 #[test]
-fn what_cannot_be_joined_is_an_error_that_ends_the_stream() {
+fn failing_splice_part_ends_the_stream_with_an_error() {
     let five = || Clip::new(Script::regular(1, 5).source());
     let check = |parts, expected: &str| assert_eq!(end_of(parts).message, expected);
     check(
@@ -216,7 +216,7 @@ fn what_cannot_be_joined_is_an_error_that_ends_the_stream() {
 }
 
 #[test]
-fn impossible_splices_are_refused() {
+fn invalid_splices_are_refused() {
     let five = || Clip::new(Script::regular(1, 5).source());
     let check = |parts, period, expected: &str| {
         let error = Splice::new(parts, period).err().unwrap();
@@ -247,7 +247,7 @@ fn impossible_splices_are_refused() {
 }
 
 #[test]
-fn truth_between_frames_stays_between_them_and_outside_is_left_out() {
+fn ground_truth_is_cut_to_the_frames_and_stays_between() {
     let script = Script::regular(5, 10);
     // Three poses per frame, from a second before the recording to a second after it.
     let dense: Vec<StampedPose> = (-90..120)
@@ -283,7 +283,7 @@ fn truth_between_frames_stays_between_them_and_outside_is_left_out() {
 
 /// The second half of a real recording, a second of darkness, then the first half: a kidnapped camera.
 #[test]
-fn halves_of_a_real_recording_in_the_other_order() {
+fn swapped_halves_of_a_real_recording_are_spliced() {
     let Some(path) = stillpoint_testdata::recording("fr1_xyz") else {
         return;
     };

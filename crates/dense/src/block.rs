@@ -248,7 +248,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn blocks_are_found_by_place_and_listed_in_order() {
+    fn blocks_are_found_by_key_and_listed_in_order() {
         let mut blocks = Blocks::<Block>::default();
         let keys = [(3, 0, 0), (-2, 5, 1), (0, 0, 0), (3, 0, -7)];
         for (i, (x, y, z)) in keys.into_iter().enumerate() {

@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_out_of_range_is_named() {
+    fn out_of_range_values_are_reported() {
         assert_eq!(DenseConfig::default().validate(), Ok(()));
         for voxel in [0.0, 1.0, f64::NAN] {
             let config = DenseConfig {

@@ -73,7 +73,7 @@ mod tests {
     use stillpoint_geometry::Mat3;
 
     #[test]
-    fn a_plan_lies_in_the_axes_of_the_map() {
+    fn flat_plan_is_in_the_map_axes() {
         // A camera that looks along x of the map, with y down: the floor is 1 m below.
         let up = -Vec3::y();
         let floor = Floor { up, offset: -1.0 };

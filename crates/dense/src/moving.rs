@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn people_are_left_out_even_when_they_sit_and_chairs_are_not() {
+    fn people_are_masked_even_if_parked_and_chairs_are_not() {
         let mut depth = vec![3.0; 64 * 48];
         depth[28 * 64 + 20..28 * 64 + 36].fill(1.2);
         let frame = RgbdFrame {

@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn trees_hold_every_leaf_once_and_join_equal_ones() {
+    fn octree_contains_every_leaf_once_and_merges_equal_ones() {
         let mut leaves = Vec::new();
         for x in -3..5 {
             for y in 0..4 {

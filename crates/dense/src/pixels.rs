@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn near_surfaces_that_face_the_camera_weigh_most() {
+    fn near_frontal_surfaces_weigh_most() {
         let flat = |z: f32| weight(&seen(|_, _| z).1, 32, 24);
         assert!(flat(0.7) > 250 && flat(0.7) > 4 * flat(2.0) && flat(2.0) > 2 * flat(3.5));
         assert_eq!(flat(5.0), 0);
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_are_rounded_up() {
+    fn free_space_gaps_are_rounded_up() {
         for d in 0..=30_000_u16 {
             let steps = u32::from(d).div_ceil(40).min(NO_GAP);
             assert_eq!(gap(30_001, 30_001 - d), steps);

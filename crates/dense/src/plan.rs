@@ -276,7 +276,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn distances_are_those_to_the_nearest(width in 1_usize..9, bits in prop::collection::vec(prop::bool::weighted(0.2), 9..80)) {
+        fn distance_transform_equals_brute_force(width in 1_usize..9, bits in prop::collection::vec(prop::bool::weighted(0.2), 9..80)) {
             let bits = &bits[..bits.len() / width * width];
             let plan = plan(width, bits);
             let found = plan.distances();
@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_those_of_map_server() {
+    fn plan_files_follow_the_map_server_format() {
         let plan = plan(3, &[true, false, false, false, false, false]);
         let mut image = Vec::new();
         plan.write_pgm(&mut image).unwrap();

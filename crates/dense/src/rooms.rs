@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn doors_part_rooms_and_wide_openings_do_not() {
+    fn doors_separate_rooms_and_wide_openings_do_not() {
         for (door, expected) in [(0, 2), (7, 2), (10, 2), (18, 1)] {
             let labels = rooms(&two(door), 83, SIDE);
             assert_eq!(count(&labels), expected, "a door of {door} cells");
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn furniture_and_what_it_hides_cut_no_room() {
+    fn furniture_and_its_occlusions_do_not_split_a_room() {
         let mut cells = plan(83, 33, &[[1, 1, 81, 31]]);
         for y in 2..31 {
             cells[y * 83 + 38..y * 83 + 45].fill(Ground::Unknown);
@@ -223,7 +223,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn turning_the_plan_by_right_angles_changes_nothing(
+        fn segmentation_is_invariant_to_right_angle_rotations(
             splits in prop::collection::vec((8_usize..32, 3_usize..20, 0_usize..16), 0..3),
             holes in prop::collection::vec(0_usize..40 * 40, 0..12),
         ) {

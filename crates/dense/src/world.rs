@@ -292,7 +292,7 @@ mod tests {
 
     /// Lists and queries agree.
     #[test]
-    fn every_cell_is_told_alike_by_lists_and_by_questions() {
+    fn cell_lists_and_queries_agree() {
         let (w, h) = (80, 60);
         let camera = Camera::pinhole(w as u32, h as u32, [70.0, 70.0, 39.5, 29.5]);
         let mut fuser = Fuser::new(&DenseConfig::default(), &camera, Simd::detect()).unwrap();

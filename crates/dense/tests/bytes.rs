@@ -24,7 +24,7 @@ fn read(bytes: &[u8]) -> Result<DenseMap, DenseBytesError> {
 }
 
 #[test]
-fn bytes_give_back_what_they_were_made_of() {
+fn dense_map_round_trips_through_bytes() {
     let bytes = map().to_bytes();
     let back = read(&bytes).unwrap();
     assert_eq!(
@@ -35,7 +35,7 @@ fn bytes_give_back_what_they_were_made_of() {
 }
 
 #[test]
-fn what_is_damaged_is_refused_in_words() {
+fn damaged_maps_are_refused_with_a_reason() {
     let bytes = map().to_bytes();
     let said = |change: &dyn Fn(&mut Vec<u8>)| {
         let mut bytes = bytes.clone();
@@ -66,7 +66,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn any_bytes_are_read_or_refused(at in any::<prop::sample::Index>(), value in any::<u8>(), head in any::<bool>()) {
+    fn changed_bytes_are_read_or_refused(at in any::<prop::sample::Index>(), value in any::<u8>(), head in any::<bool>()) {
         let mut bytes = map().to_bytes();
         let at = at.index(if head { 64 } else { bytes.len() });
         bytes[at] = value;

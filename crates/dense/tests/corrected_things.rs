@@ -52,7 +52,7 @@ fn apart(first: &[Thing], second: &[Thing], expected: &Se3) -> Vec<f64> {
 
 /// After a loop closure everything collected before moves rigidly.
 #[test]
-fn what_turns_as_one_keeps_its_things() {
+fn things_follow_a_rigid_correction() {
     let turn = Se3::new(so3::exp(&(0.3 * Vec3::y())), Vec3::new(0.8, 0.0, 0.5));
     let [wrong, right] = astray(&|_| turn);
     let gathered = things();
@@ -72,7 +72,7 @@ fn what_turns_as_one_keeps_its_things() {
 
 /// Poses drift apart, and a pose graph corrects them: objects are then where they would be without drift.
 #[test]
-fn what_drifts_apart_is_brought_together() {
+fn things_follow_a_drift_correction() {
     let drift = |share: f64| {
         let turn = so3::exp(&(0.15 * share * Vec3::y()));
         Se3::new(turn, share * Vec3::new(0.6, 0.0, 0.3))

@@ -46,7 +46,7 @@ fn at_depth(poses: &[FinalPose], i: usize) -> Se3 {
 }
 
 #[test]
-fn the_end_is_a_fresh_integration_at_the_final_poses() {
+fn final_map_equals_integration_at_the_final_poses() {
     let dense = fed(&config());
     let taken: Vec<FrameId> = dense.taken().to_vec();
     assert_eq!(desk().poses.len(), FRAMES);
@@ -72,7 +72,7 @@ fn the_end_is_a_fresh_integration_at_the_final_poses() {
 
 /// In a live run the events of other stages may arrive in any order.
 #[test]
-fn the_order_of_what_does_not_depend_on_each_other_makes_no_difference() {
+fn order_of_independent_events_does_not_matter() {
     let whole = fed(&config());
     // All map versions as early as possible.
     let mut early = dense(desk(), &config());
@@ -88,7 +88,7 @@ fn the_order_of_what_does_not_depend_on_each_other_makes_no_difference() {
 }
 
 #[test]
-fn frames_that_are_named_are_taken_and_no_others() {
+fn only_named_frames_are_taken() {
     let only = [2, 9, 30].map(FrameId);
     let mut dense = dense(desk(), &config()).with_frames(only);
     dense.receive_all(&desk().events);
@@ -96,7 +96,7 @@ fn frames_that_are_named_are_taken_and_no_others() {
 }
 
 #[test]
-fn images_that_are_missing_are_counted() {
+fn missing_images_are_counted() {
     let mut dense = dense(desk(), &config());
     for event in &desk().events {
         let bare = event.as_frame().map(|f| {
@@ -166,7 +166,7 @@ fn centre(map: &DenseMap) -> Vec3 {
 }
 
 #[test]
-fn a_correction_moves_the_surface_a_few_frames_per_event() {
+fn correction_is_applied_a_few_frames_per_event() {
     let mut dense = fed(&config());
     let before = centre(dense.map());
     // Less than half a voxel: no rebuild.
@@ -188,7 +188,7 @@ fn a_correction_moves_the_surface_a_few_frames_per_event() {
 }
 
 #[test]
-fn beyond_the_budget_old_frames_stay_where_they_were() {
+fn frames_beyond_the_memory_budget_are_not_moved() {
     let one = fed(&config()).counts().kept_bytes / fed(&config()).counts().kept;
     let small = DenseConfig {
         depth_budget: 6 * one,
@@ -216,7 +216,7 @@ fn beyond_the_budget_old_frames_stay_where_they_were() {
 }
 
 #[test]
-fn frames_without_a_final_pose_are_left_out() {
+fn frames_without_a_final_pose_are_dropped() {
     let some: Vec<FinalPose> = desk()
         .poses
         .iter()
@@ -230,7 +230,7 @@ fn frames_without_a_final_pose_are_left_out() {
 }
 
 #[test]
-fn a_run_that_begins_with_a_surface_goes_on_with_it() {
+fn run_continues_an_existing_surface() {
     let first = fed(&config()).finish(&desk().poses);
     let blocks = first.blocks();
     let again = dense(desk(), &config()).starting_with(first);
@@ -238,7 +238,7 @@ fn a_run_that_begins_with_a_surface_goes_on_with_it() {
 }
 
 #[test]
-fn space_before_a_surface_is_free_and_behind_it_unknown() {
+fn space_before_a_surface_is_free_and_behind_unknown() {
     let map = fed(&config()).finish(&desk().poses);
     let mesh = map.mesh(&MeshOptions::default());
     let eye = desk().poses[0].world_from_camera.translation;

@@ -68,7 +68,7 @@ fn compared(one: &Plan, other: &Plan) -> [usize; 3] {
 
 /// The second part has voxels of the same size, or of another.
 #[test]
-fn two_parts_of_a_room_become_one() {
+fn two_parts_of_a_room_merge_accurately() {
     let room = simulator("halfsphere", FRAMES);
     let (truth, half) = (Se3::identity(), FRAMES / 2);
     let turned = Se3::exp(&Vec6::new(1.3, -0.7, 0.4, 0.4, -1.1, 0.6));

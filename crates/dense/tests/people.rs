@@ -7,7 +7,7 @@ use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
 use stillpoint_simulator::Surfaces;
 
 #[test]
-fn what_moves_is_not_in_the_surface_and_is_counted_where_it_was() {
+fn movers_are_excluded_and_their_cells_counted() {
     let room = simulator("walking_static", 30);
     let truth = Surfaces::new(room.static_surfaces());
     let fused = |masked: bool| {
@@ -50,7 +50,7 @@ fn what_moves_is_not_in_the_surface_and_is_counted_where_it_was() {
 
 /// A box before a wall, which appears after a second: it becomes part of the map after 10 s, independent of the number of frames.
 #[test]
-fn what_comes_into_free_space_has_to_stand_for_a_while() {
+fn object_entering_free_space_must_stand_for_a_while() {
     let (w, h) = (64, 48);
     let camera = Camera::pinhole(w as u32, h as u32, [60.0, 60.0, 31.5, 23.5]);
     let depth = |boxed: bool, i: usize| {

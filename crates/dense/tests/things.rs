@@ -94,7 +94,7 @@ pub(crate) fn listed<'a>(list: &'a [Thing], class: &str) -> Vec<&'a Thing> {
 }
 
 #[test]
-fn things_are_where_they_stand() {
+fn things_are_found_at_their_true_positions() {
     let list = gathered(&told(&|_, _| ()), None).list(&view());
     let truth = desk().simulator.things();
     for class in ["tv", "keyboard", "cup"] {
@@ -113,7 +113,7 @@ fn things_are_where_they_stand() {
 }
 
 #[test]
-fn the_same_events_give_the_same_bytes_and_bytes_the_same_things() {
+fn things_are_deterministic_and_round_trip() {
     let map = gathered(&told(&|_, _| ()), None);
     let bytes = map.to_bytes();
     assert!(bytes == gathered(&told(&|_, _| ()), None).to_bytes());
@@ -141,7 +141,7 @@ fn the_same_events_give_the_same_bytes_and_bytes_the_same_things() {
 }
 
 #[test]
-fn people_and_what_moves_are_no_things() {
+fn people_and_moving_objects_are_no_things() {
     let screen = ClassId::from_name("tv").unwrap();
     let people = told(&|_, frame| {
         let mut objects = frame.report.objects.to_vec();
@@ -163,7 +163,7 @@ fn people_and_what_moves_are_no_things() {
 
 /// The screens are removed at some frame: the camera sees a metre farther at their place.
 #[test]
-fn what_is_carried_away_is_gone() {
+fn removed_things_disappear() {
     let screen = ClassId::from_name("tv").unwrap();
     let taken = |from: usize| {
         told(&move |i, frame| {
@@ -206,7 +206,7 @@ fn what_is_carried_away_is_gone() {
 
 /// Only the left third of each keyboard has depth, as at an image border: the rest of their boxes does not locate them.
 #[test]
-fn what_has_depth_in_part_is_found() {
+fn things_with_partial_depth_are_found() {
     let keyboard = ClassId::from_name("keyboard").unwrap();
     let events = told(&|_, frame| {
         let seen = frame.frame.as_ref().unwrap();
@@ -231,7 +231,7 @@ fn what_has_depth_in_part_is_found() {
 }
 
 #[test]
-fn what_walls_do_not_part_is_one_room_and_all_things_are_in_it() {
+fn undivided_space_is_one_room_with_all_things() {
     let map = gathered(&told(&|_, _| ()), None);
     let rooms = map.rooms(&view());
     assert_eq!(rooms.len(), 1, "{rooms:?}");
@@ -250,7 +250,7 @@ fn what_walls_do_not_part_is_one_room_and_all_things_are_in_it() {
 
 /// Joining a map with itself keeps each object once.
 #[test]
-fn joined_maps_know_each_thing_once() {
+fn joined_maps_contain_each_thing_once() {
     let map = gathered(&told(&|_, _| ()), None);
     let joined = ThingMap::joined(&map, &map, 0, &view());
     let (before, after) = (map.list(&view()), joined.list(&view()));
@@ -322,7 +322,7 @@ fn with_black_chair(at: &dyn Fn(usize) -> [f64; 2]) -> Vec<Event> {
 }
 
 #[test]
-fn a_black_chair_is_found_by_its_boxes() {
+fn chair_without_depth_is_found_by_its_boxes() {
     // On the floor in the centre of the view.
     let pose = desk().simulator.world_from_camera(0.8);
     let ahead = (pose.rotation * Vec3::z()).xy().normalize();

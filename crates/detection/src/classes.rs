@@ -149,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_and_numbers_agree() {
+    fn class_names_and_ids_agree() {
         for (number, name) in [
             (0, "person"),
             (16, "dog"),
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn near_names_are_suggested_and_far_ones_are_not() {
+    fn only_similar_class_names_are_suggested() {
         assert_eq!(ClassId::nearest("persn"), Some(ClassId::PERSON));
         assert_eq!(ClassId::nearest("chairs"), Some(ClassId(56)));
         assert_eq!(ClassId::nearest("spaceship"), None);

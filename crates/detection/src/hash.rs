@@ -18,7 +18,7 @@ pub(crate) fn sha256_hex(bytes: &[u8]) -> String {
 mod tests {
     /// Examples of FIPS 180-2, appendix B.1, and of the empty message.
     #[test]
-    fn known_digests() {
+    fn sha256_matches_known_digests() {
         assert_eq!(
             super::sha256_hex(b"abc"),
             "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"

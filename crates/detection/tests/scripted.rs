@@ -39,7 +39,7 @@ fn scores(detector: &mut ScriptedDetector, stamp: f64) -> Vec<f32> {
 }
 
 #[test]
-fn a_script_is_played_back_by_stamp() {
+fn script_is_played_back_by_stamp() {
     let text = "\
 # made by hand
 timestamp,class,score,x0,y0,x1,y1
@@ -106,7 +106,7 @@ fn stamps_match_within_a_millisecond() {
 }
 
 #[test]
-fn a_script_of_another_recording_is_remarked_on() {
+fn script_of_another_recording_gives_a_remark() {
     let mut detector =
         ScriptedDetector::new("other.csv", vec![row(1.0, 0.5), row(2.0, 0.5)]).unwrap();
     assert_eq!(detector.remark(), None, "nothing was looked at yet");
@@ -124,7 +124,7 @@ fn a_script_of_another_recording_is_remarked_on() {
 
 /// Text, line number, and a part of the message.
 #[test]
-fn lines_that_do_not_read_are_named() {
+fn malformed_lines_are_reported_with_their_number() {
     let cases = [
         (
             "1,person,0.5,1,2,3",
@@ -188,7 +188,7 @@ fn lines_that_do_not_read_are_named() {
 }
 
 #[test]
-fn rows_from_programs_are_held_to_the_same_rules() {
+fn rows_from_code_are_validated_like_text() {
     let mut bad = row(1.0, 0.5);
     bad.detection.class = ClassId(80);
     let error = ScriptedDetector::new("rows", vec![row(1.0, 0.5), bad]).unwrap_err();
@@ -198,7 +198,7 @@ fn rows_from_programs_are_held_to_the_same_rules() {
 }
 
 #[test]
-fn the_fingerprint_is_that_of_the_text() {
+fn fingerprint_is_the_digest_of_the_text() {
     let text = format_script(&[row(1.0, 0.5)]);
     assert_eq!(
         text,
@@ -223,7 +223,7 @@ fn the_fingerprint_is_that_of_the_text() {
 const DIGEST: &str = "35f9e2c352255861d4a4ca8864fe26144a3b1ae7c9dde5a0a99ab5f3081f379f";
 
 #[test]
-fn no_detector_sees_nothing() {
+fn null_detector_detects_nothing() {
     let mut detector: Box<dyn Detector> = Box::new(NoDetector);
     let found = detector.detect(&frame(9, 2.5)).unwrap();
     assert_eq!(
@@ -259,7 +259,7 @@ fn any_row() -> impl Strategy<Value = ScriptRow> {
 proptest! {
     /// Round trip, up to the decimals written.
     #[test]
-    fn scripts_are_read_as_written(rows in prop::collection::vec(any_row(), 0..20)) {
+    fn scripts_round_trip(rows in prop::collection::vec(any_row(), 0..20)) {
         let read = parse_script("text", &format_script(&rows)).unwrap();
         prop_assert_eq!(read.len(), rows.len());
         for (a, b) in rows.iter().zip(&read) {
@@ -275,7 +275,7 @@ proptest! {
     }
 
     #[test]
-    fn rows_may_come_in_any_order(stamps in prop::collection::vec(0..50u32, 1..30)) {
+    fn row_order_does_not_matter(stamps in prop::collection::vec(0..50u32, 1..30)) {
         // Distinct scores, so that the order is total.
         let rows: Vec<_> = stamps.iter().enumerate().map(|(i, &s)| row(f64::from(s) / 30.0, i as f32 / 64.0)).collect();
         let backwards: Vec<_> = rows.iter().rev().copied().collect();
@@ -292,7 +292,7 @@ proptest! {
 
     /// A damaged script gives rows or an error with its name and a line number.
     #[test]
-    fn errors_of_damaged_scripts_name_the_line(
+    fn damaged_script_errors_name_the_line(
         rows in prop::collection::vec(any_row(), 1..6), at in any::<prop::sample::Index>(), cut in 0..6_usize,
         with in prop_oneof!["[-0-9a-z,.# \n]{0,6}", "\\PC{0,3}"]
     ) {
@@ -309,7 +309,7 @@ proptest! {
     }
 
     #[test]
-    fn no_text_makes_the_reader_panic(text in "[0-9a-z,.#\\n -]{0,200}") {
+    fn parser_never_panics(text in "[0-9a-z,.#\\n -]{0,200}") {
         let _ = parse_script("text", &text);
     }
 }

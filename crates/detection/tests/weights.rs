@@ -15,7 +15,7 @@ fn weight(weights: &MotionWeights, name: &str) -> f64 {
 }
 
 #[test]
-fn defaults_are_the_published_ones_and_sane_elsewhere() {
+fn default_weights_include_the_published_ones() {
     let weights = MotionWeights::default();
     for (name, expected) in [
         ("person", 5.0),
@@ -34,7 +34,7 @@ fn defaults_are_the_published_ones_and_sane_elsewhere() {
 }
 
 #[test]
-fn the_publication_names_three_classes() {
+fn published_weights_cover_three_classes() {
     let weights = MotionWeights::default().published();
     let counted = weights.iter().filter(|(_, w)| *w > 0.0);
     let counted: Vec<(&str, f64)> = counted.map(|(class, w)| (class.name(), w)).collect();
@@ -54,7 +54,7 @@ fn the_publication_names_three_classes() {
 }
 
 #[test]
-fn a_table_changes_what_it_names() {
+fn weight_table_overrides_only_named_classes() {
     let text = "[weights]\nchair = 0\ndining_table = 2.5\n\"sports ball\" = 5\n";
     let objects: Objects = toml::from_str(text).unwrap();
     for (class, w) in objects.weights.iter() {
@@ -70,7 +70,7 @@ fn a_table_changes_what_it_names() {
 }
 
 #[test]
-fn tables_that_make_no_sense_are_refused_with_advice() {
+fn invalid_weight_tables_are_refused_with_advice() {
     let cases = [
         ("persn = 5", "such as `person`, found `persn`"),
         ("table = 1", "found `table`"),
@@ -103,7 +103,7 @@ fn tables_that_make_no_sense_are_refused_with_advice() {
 
 /// Keys are bare, so that `--set motion_weights.dining_table=2` needs no quotes, and defaults are not written.
 #[test]
-fn weights_that_differ_are_written_as_bare_keys() {
+fn only_changed_weights_are_written_as_bare_keys() {
     let mut objects = Objects::default();
     let written = |objects: &Objects| toml::to_string(objects).unwrap();
     let keys = |text: &str| text.lines().filter(|l| l.contains(" = ")).count();
@@ -120,7 +120,7 @@ fn weights_that_differ_are_written_as_bare_keys() {
 
 proptest! {
     #[test]
-    fn what_is_written_is_read_back(changes in prop::collection::vec((0..80u8, 0.0..=5.0f64), 0..10)) {
+    fn weights_round_trip_through_toml(changes in prop::collection::vec((0..80u8, 0.0..=5.0f64), 0..10)) {
         let mut objects = Objects::default();
         for (class, weight) in changes {
             objects.weights.set(ClassId(class).name(), weight).unwrap();

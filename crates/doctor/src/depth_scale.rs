@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_of_structured_light_are_found_and_rounding_is_not_taken_for_them() {
+    fn disparity_steps_are_distinguished_from_rounding() {
         let unit = 1.0 / STRUCTURED_LIGHT;
         for scale in [0.2, 1.0, 5.0] {
             let step = quantised(unit, scale).step().unwrap();
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_of_a_room_are_not_odd_whatever_the_camera() {
+    fn room_distances_are_plausible_for_any_camera() {
         for middle in [0.6, 1.0, 2.0, 4.0] {
             assert_eq!(factor(None, middle, 2.5 * middle, 1000.0), None);
             assert_eq!(
@@ -250,7 +250,7 @@ mod tests {
 
     /// Floats, read as metres or by a stated scale, and the result of the remedy: a scale without findings.
     #[test]
-    fn the_scale_that_is_named_is_the_last_one() {
+    fn suggested_depth_scale_leaves_no_finding() {
         for (per_metre, stated) in [(1000.0, 1.0), (100.0, 1.0), (1.0, 1000.0)] {
             let look = |scale: f64| {
                 let mut depths = Depths::default();
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn usual_scales_are_named() {
+    fn usual_depth_scales_are_suggested() {
         assert_eq!(usual_scale(5200.0), 5000.0);
         assert_eq!(usual_scale(960.0), 1000.0);
         assert_eq!(usual_scale(256.0), 260.0);

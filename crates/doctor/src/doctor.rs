@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn of_large_images_fewer_are_looked_at_and_that_is_said() {
+    fn fewer_large_images_are_examined_with_a_note() {
         let looked = |width: usize, height: usize| {
             let setup = Setup {
                 camera: Camera::pinhole(

@@ -183,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_box_before_a_wall_ends_on_four_sides_in_spite_of_its_shadow() {
+    fn box_edges_are_found_despite_its_depth_shadow() {
         let (w, h) = (60, 50);
         let mut data = vec![2.0_f32; w * h];
         for y in 10..30 {

@@ -21,7 +21,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantiles_are_those_of_the_sorted_numbers() {
+    fn quantiles_match_the_sorted_values() {
         let mut v = [5.0, 1.0, 4.0, 2.0, 3.0];
         assert_eq!(median(&mut v), Some(3.0));
         assert_eq!(quantile(&mut v, 0.0), Some(1.0));

@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_clock_is_well_and_jumps_and_gaps_are_named() {
+    fn steady_clock_passes_and_jumps_and_gaps_are_reported() {
         let steady: Vec<f64> = (0..60).map(|i| f64::from(i) / 30.0).collect();
         assert_eq!(findings(&steady), []);
         let mut back = steady.clone();

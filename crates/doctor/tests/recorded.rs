@@ -38,7 +38,7 @@ fn recorded(name: &str, start: usize) -> Option<Stream> {
 }
 
 #[test]
-fn nothing_is_wrong_with_recordings() {
+fn recordings_have_no_findings() {
     for (name, starts) in [
         ("fr1_xyz", [0, 120]),
         ("fr1_xyz_walkers", [0, 120]),
@@ -56,7 +56,7 @@ fn nothing_is_wrong_with_recordings() {
 
 /// Its depth is not exactly registered to colour.
 #[test]
-fn of_the_kitchen_registration_may_be_named_and_nothing_else() {
+fn kitchen_has_at_most_a_registration_finding() {
     for start in [0, 150] {
         let Some(stream) = recorded("kitchen", start) else {
             return;
@@ -71,7 +71,7 @@ fn of_the_kitchen_registration_may_be_named_and_nothing_else() {
 }
 
 #[test]
-fn faults_of_a_recording_are_named() {
+fn injected_faults_of_a_recording_are_found() {
     let Some(stream) = recorded("fr1_xyz", 0) else {
         return;
     };

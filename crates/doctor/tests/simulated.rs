@@ -28,7 +28,7 @@ fn simulated(scene: &str) -> Stream {
 /// With `xyz` and `rpy` of the tests below four scenes without findings: translations, rotations, people, fast rotations among people with
 /// blur and a rolling shutter. Long, since three seconds of each are rendered: fewer would not test the promised duration.
 #[test]
-fn nothing_is_wrong_with_simulated_streams() {
+fn simulated_streams_have_no_findings() {
     for scene in ["walking_xyz", "crowd_rpy_60"] {
         let stream = simulated(scene);
         assert_well(scene, &stream.report());
@@ -37,7 +37,7 @@ fn nothing_is_wrong_with_simulated_streams() {
 
 /// Long, since three seconds are rendered, and examined fifteen times.
 #[test]
-fn faults_of_a_simulated_stream_are_named() {
+fn injected_faults_of_a_simulated_stream_are_found() {
     let stream = simulated("xyz");
     assert_well("xyz", &stream.report());
     stream.check_faults();
@@ -77,7 +77,7 @@ fn disturbances(stream: &Stream) {
 
 /// Rotation reveals a focal length that is wrong along both axes, which the intrinsics do not.
 #[test]
-fn a_focal_length_that_is_wrong_along_both_axes_is_told_by_turns() {
+fn rotation_reveals_a_focal_length_wrong_on_both_axes() {
     let stream = simulated("rpy");
     assert_well("rpy", &stream.report());
     let camera = stream.setup.camera;

@@ -46,7 +46,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_has_no_extent() {
+    fn empty_or_coincident_points_have_no_extent() {
         assert_eq!(spread(&[]), 0.0);
         assert_eq!(height(&[Vec3::zeros(); 3]), 0.0);
     }

@@ -121,7 +121,7 @@ mod tests {
     proptest! {
         /// Compared with the factorisation of the same system.
         #[test]
-        fn solutions_are_those_of_the_factor(count in 1usize..30, per in 0usize..6, seed in any::<u64>()) {
+        fn conjugate_gradients_match_the_factorisation(count in 1usize..30, per in 0usize..6, seed in any::<u64>()) {
             let random = &mut rng(seed, 0, Purpose(1000));
             let mut neighbours = vec![Vec::new(); count];
             for _ in 0..per * count {

@@ -199,7 +199,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn cubics_have_their_roots(a in -5.0..5.0f64, b in -5.0..5.0f64, c in -5.0..5.0f64, size in 0.1..10.0f64) {
+        fn cubic_roots_are_found(a in -5.0..5.0f64, b in -5.0..5.0f64, c in -5.0..5.0f64, size in 0.1..10.0f64) {
             let gap = (a - b).abs().min((a - c).abs()).min((b - c).abs());
             prop_assume!(gap > 1e-2);
             let found = cubic_roots([-a * b * c, a * b + a * c + b * c, -a - b - c, 1.0].map(|v| v * size));
@@ -214,7 +214,7 @@ mod tests {
 
         /// One real root beside a pair of complex ones.
         #[test]
-        fn a_lone_root_is_found(a in -5.0..5.0f64, re in -3.0..3.0f64, im in 0.1..3.0f64) {
+        fn single_real_cubic_root_is_found(a in -5.0..5.0f64, re in -3.0..3.0f64, im in 0.1..3.0f64) {
             let (s, p) = (2.0 * re, re * re + im * im);
             let found = cubic_roots([-a * p, a * s + p, -a - s, 1.0]);
             prop_assert_eq!(found.as_slice().len(), 1);
@@ -222,7 +222,7 @@ mod tests {
         }
 
         #[test]
-        fn quadratics_have_their_roots(a in -5.0..5.0f64, b in -5.0..5.0f64, size in 0.1..10.0f64) {
+        fn quadratic_roots_are_found(a in -5.0..5.0f64, b in -5.0..5.0f64, size in 0.1..10.0f64) {
             prop_assume!((a - b).abs() > 1e-3);
             let found = quadratic_roots([a * b * size, -(a + b) * size, size]);
             let mut found = found.as_slice().to_vec();
@@ -234,7 +234,7 @@ mod tests {
         }
 
         #[test]
-        fn determinants_are_their_cubic(m in prop::array::uniform9(-1.0..1.0f64), n in prop::array::uniform9(-1.0..1.0f64), x in -3.0..3.0f64) {
+        fn determinant_cubic_matches_the_determinant(m in prop::array::uniform9(-1.0..1.0f64), n in prop::array::uniform9(-1.0..1.0f64), x in -3.0..3.0f64) {
             let (m, n) = (Mat3::from_row_slice(&m), Mat3::from_row_slice(&n));
             let c = determinant_cubic(&m, &n);
             let value = ((c[3] * x + c[2]) * x + c[1]) * x + c[0];
@@ -244,7 +244,7 @@ mod tests {
 
         /// Compared with the library's eigenvalues.
         #[test]
-        fn the_smallest_eigenvector(m in prop::array::uniform9(-1.0..1.0f64)) {
+        fn smallest_eigenvector_matches_the_library(m in prop::array::uniform9(-1.0..1.0f64)) {
             let m = Mat3::from_row_slice(&m);
             let g = m.tr_mul(&m);
             let values = g.symmetric_eigenvalues();
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_has_no_eigenvector() {
+    fn zero_matrix_has_no_eigenvector() {
         assert!(smallest_eigenvector(&[[0.0; 3]; 3]).is_none());
         assert!(smallest_eigenvector(&[[f64::NAN; 3]; 3]).is_none());
         // Any vector of a two-dimensional kernel is valid.

@@ -157,7 +157,7 @@ mod tests {
     proptest! {
         /// Every variable once, and never much more fill than with the exact degree.
         #[test]
-        fn an_order_is_a_permutation(count in 1usize..60, seed in any::<u64>(), per in 0usize..4) {
+        fn minimum_degree_order_is_a_permutation(count in 1usize..60, seed in any::<u64>(), per in 0usize..4) {
             let random = &mut rng(seed, 0, Purpose(1000));
             let pairs: Vec<_> = (0..per * count)
                 .map(|_| (random.below(count) as u32, random.below(count) as u32))
@@ -174,7 +174,7 @@ mod tests {
 
     /// A star eliminated from its centre fills in; chains and stars have orders without fill.
     #[test]
-    fn trees_do_not_fill() {
+    fn trees_have_no_fill() {
         let star = symmetric(50, &(1..50).map(|i| (0, i)).collect::<Vec<_>>());
         assert_eq!(fill(50, &star, &minimum_degree(star.clone())), 49);
         let chain = symmetric(50, &(1..50).map(|i| (i - 1, i)).collect::<Vec<_>>());

@@ -351,7 +351,7 @@ mod tests {
     proptest! {
         /// Compared with a dense factorisation by another library.
         #[test]
-        fn solutions_are_those_of_the_dense_matrix(count in 1usize..25, per in 0usize..5, seed in any::<u64>()) {
+        fn sparse_solution_matches_the_dense_one(count in 1usize..25, per in 0usize..5, seed in any::<u64>()) {
             let random = &mut rng(seed, 0, Purpose(1000));
             let (pattern, values, dense) = system(count, per * count, random);
             let b: Vec<[f64; 6]> = (0..count).map(|_| std::array::from_fn(|_| random.unit() - 0.5)).collect();
@@ -365,7 +365,7 @@ mod tests {
 
         /// One negative eigenvalue suffices.
         #[test]
-        fn what_is_not_positive_definite_has_no_factor(count in 1usize..12, seed in any::<u64>()) {
+        fn indefinite_matrix_has_no_factor(count in 1usize..12, seed in any::<u64>()) {
             let random = &mut rng(seed, 0, Purpose(1000));
             let (pattern, mut values, _) = system(count, 2 * count, random);
             let v = random.below(count) as u32;
@@ -378,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_solved_by_nothing() {
+    fn empty_system_is_solved() {
         let pattern = Pattern::new(Vec::new());
         assert!(pattern.factor(Vec::new()).unwrap().solve(&[]).is_empty());
     }

@@ -57,7 +57,7 @@ mod tests {
     proptest! {
         /// Compared with central differences, at small and large angles.
         #[test]
-        fn jacobians_are_the_derivatives(x in prop::array::uniform6(-1.0..1.0f64), scale in 0.0..1.7f64) {
+        fn se3_jacobians_match_numerical_derivatives(x in prop::array::uniform6(-1.0..1.0f64), scale in 0.0..1.7f64) {
             let x = Vec6::from(x) * scale;
             let (left, right) = (left_jacobian_inverse(&x), right_jacobian_inverse(&x));
             let step = 1e-5;
@@ -75,7 +75,7 @@ mod tests {
 
         /// The series meets the closed form.
         #[test]
-        fn there_is_no_step_between_series_and_closed_form(x in prop::array::uniform6(-1.0..1.0f64)) {
+        fn series_and_closed_form_are_continuous(x in prop::array::uniform6(-1.0..1.0f64)) {
             let x = Vec6::from(x);
             let norm = Vec3::new(x[3], x[4], x[5]).norm();
             prop_assume!(norm > 1e-3);

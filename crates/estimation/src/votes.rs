@@ -155,7 +155,7 @@ mod tests {
     proptest! {
         /// Compared with [`Measurement::chi2`]; early exit only happens for losing motions.
         #[test]
-        fn votes_are_weighted_agreements(count in 0usize..90, seed in any::<u64>(), share in 0.0..1.5f64, scale in 0.5..3.0f64, peak in 0.0..80.0f64) {
+        fn vote_equals_the_weighted_chi2_sum(count in 0usize..90, seed in any::<u64>(), share in 0.0..1.5f64, scale in 0.5..3.0f64, peak in 0.0..80.0f64) {
             let random = &mut rng(seed, 0, Purpose(1000));
             let pairs: Vec<MotionPair> = (0..count)
                 .map(|_| {

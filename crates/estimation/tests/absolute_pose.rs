@@ -64,7 +64,7 @@ proptest! {
 
     /// Three quarters are wrong, without an initial guess; with depth, without, and mixed.
     #[test]
-    fn a_pose_among_wrong_observations(truth in pose(), seed in any::<u64>(), with_depth in prop::sample::select(vec![0.0, 0.5, 1.0])) {
+    fn pose_is_found_among_outliers(truth in pose(), seed in any::<u64>(), with_depth in prop::sample::select(vec![0.0, 0.5, 1.0])) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let observations = observations(&truth, (200, 150), with_depth, random);
         let outcome = find(&observations, seed);
@@ -79,14 +79,14 @@ proptest! {
     }
 
     #[test]
-    fn nonsense_has_no_pose(seed in any::<u64>(), with_depth in 0.0..1.0f64) {
+    fn random_observations_give_no_pose(seed in any::<u64>(), with_depth in 0.0..1.0f64) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let observations = observations(&Se3::identity(), (100, 100), with_depth, random);
         prop_assert!(find(&observations, seed).found().is_none());
     }
 
     #[test]
-    fn the_same_address_gives_the_same_bytes(seed in any::<u64>()) {
+    fn same_random_address_gives_identical_results(seed in any::<u64>()) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let observations = observations(&Se3::identity(), (80, 40), 0.5, random);
         let run = || format!("{:?}", find(&observations, seed));
@@ -94,7 +94,7 @@ proptest! {
     }
 
     #[test]
-    fn broken_numbers_do_no_harm(seed in any::<u64>(), bad in prop::sample::select(vec![f64::NAN, f64::INFINITY, 0.0, -1e300])) {
+    fn non_finite_values_are_tolerated(seed in any::<u64>(), bad in prop::sample::select(vec![f64::NAN, f64::INFINITY, 0.0, -1e300])) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let mut observations = observations(&Se3::identity(), (90, 0), 0.5, random);
         for o in &mut observations[..30] {
@@ -112,7 +112,7 @@ proptest! {
 }
 
 #[test]
-fn what_does_not_determine_a_pose_is_named() {
+fn degenerate_or_too_few_observations_are_reported() {
     let camera = camera();
     let random = &mut rng(5, 0, Purpose(1000));
     let mut line = observations(&Se3::identity(), (60, 0), 1.0, random);

@@ -90,7 +90,7 @@ fn pose_error(a: &[Se3], b: &[Se3]) -> f64 {
 }
 
 #[test]
-fn perturbed_poses_and_points_come_back() {
+fn perturbed_poses_and_points_are_recovered() {
     let Scene {
         poses,
         points,
@@ -116,7 +116,7 @@ fn perturbed_poses_and_points_come_back() {
 }
 
 #[test]
-fn wrong_observations_are_named_and_do_no_harm() {
+fn outliers_are_reported_and_tolerated() {
     let Scene {
         poses, mut problem, ..
     } = scene();
@@ -197,7 +197,7 @@ fn corridor(cameras: usize) -> Scene {
 
 /// 160 free poses are solved in sparse blocks.
 #[test]
-fn a_large_problem_comes_back() {
+fn large_sparse_problem_is_recovered() {
     let Scene {
         poses,
         points,
@@ -216,7 +216,7 @@ fn a_large_problem_comes_back() {
 /// The same problem with 100 free poses, which is dense, and with a 101st without observations, which makes it sparse:
 /// the two solvers must agree.
 #[test]
-fn dense_and_sparse_agree() {
+fn dense_and_sparse_solvers_agree() {
     let mut dense = corridor(101).problem;
     let mut sparse = dense.clone();
     sparse.poses.insert(100, Se3::identity());
@@ -242,7 +242,7 @@ fn dense_and_sparse_agree() {
 /// 230 cameras in one place, each point seen by three of them at random: the factor would be nearly full, so conjugate
 /// gradients are used.
 #[test]
-fn a_crowd_comes_back() {
+fn densely_connected_problem_is_recovered() {
     let mut scene = scene();
     let count = 230;
     let pose = |i: usize| {
@@ -289,7 +289,7 @@ fn a_crowd_comes_back() {
 
 /// Work is counted and never exceeds its limit.
 #[test]
-fn work_has_a_limit() {
+fn work_limit_is_respected() {
     for start in [scene().problem, corridor(130).problem] {
         let full = adjust_bundle(&mut start.clone(), &BundleOptions::default());
         for share in 0..5 {
@@ -315,7 +315,7 @@ fn work_has_a_limit() {
 }
 
 #[test]
-fn nothing_to_adjust_is_no_mistake() {
+fn empty_problems_are_accepted() {
     let mut problem = scene().problem;
     problem.free_poses = 0;
     let poses = problem.poses.clone();
@@ -331,7 +331,7 @@ fn nothing_to_adjust_is_no_mistake() {
 }
 
 #[test]
-fn the_same_problem_gives_the_same_bits() {
+fn same_problem_gives_identical_results() {
     let run = || {
         let mut problem = scene().problem;
         let _ = adjust_bundle(&mut problem, &BundleOptions::default());

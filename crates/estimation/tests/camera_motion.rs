@@ -75,7 +75,7 @@ proptest! {
 
     /// The truth is among the poses, and all of them see the points in the given directions.
     #[test]
-    fn p3p_holds_the_truth(
+    fn p3p_solutions_contain_the_true_pose(
         truth in twist(2.0, 2.0),
         seen in [[-0.6..0.6f64, -0.5..0.5, 0.4..8.0], [-0.6..0.6f64, -0.5..0.5, 0.4..8.0], [-0.6..0.6f64, -0.5..0.5, 0.4..8.0]],
         lengths in [0.1..9.0f64, 0.1..9.0, 0.1..9.0],
@@ -107,7 +107,7 @@ proptest! {
 
     /// Half of the pairs are outliers, without a prior.
     #[test]
-    fn motion_among_outliers(truth in twist(0.1, 0.1), seed in any::<u64>(), depth in any::<bool>()) {
+    fn motion_is_found_among_outliers(truth in twist(0.1, 0.1), seed in any::<u64>(), depth in any::<bool>()) {
         let truth = Se3::exp(&truth);
         let random = &mut rng(seed, 0, Purpose(1000));
         let mut pairs = follow(&truth, 240, (10.0, 630.0), (0.8, 4.0), depth, random);
@@ -124,7 +124,7 @@ proptest! {
     }
 
     #[test]
-    fn the_same_address_gives_the_same_bytes(seed in any::<u64>(), depth in any::<bool>()) {
+    fn same_random_address_gives_identical_results(seed in any::<u64>(), depth in any::<bool>()) {
         let truth = Se3::exp(&Vec6::new(0.02, 0.01, 0.0, 0.01, 0.0, 0.02));
         let random = &mut rng(seed, 0, Purpose(1000));
         let mut pairs = follow(&truth, 60, (10.0, 630.0), (0.8, 4.0), depth, random);
@@ -136,7 +136,7 @@ proptest! {
     }
 
     #[test]
-    fn nonsense_has_no_motion(seed in any::<u64>()) {
+    fn random_pairs_give_no_motion(seed in any::<u64>()) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let mut pairs = follow(&Se3::identity(), 80, (10.0, 630.0), (0.8, 4.0), true, random);
         for p in &mut pairs {
@@ -181,7 +181,7 @@ fn constant_velocity(camera_moves: &Se3) -> MotionPrior {
 }
 
 #[test]
-fn the_room_wins_against_a_crowd() {
+fn weights_and_prior_favour_the_room_over_people() {
     for seed in 0..20 {
         let (camera_moves, _, mut pairs) = walking(seed);
         let prior = constant_velocity(&camera_moves);
@@ -200,7 +200,7 @@ fn the_room_wins_against_a_crowd() {
 
 /// Control: without weights and prior the person, who has more points, wins.
 #[test]
-fn without_beliefs_the_crowd_wins() {
+fn without_weights_the_majority_wins() {
     for seed in 0..20 {
         let (camera_moves, person_moves, pairs) = walking(seed);
         let found = find(&pairs, None, seed).unwrap();
@@ -215,7 +215,7 @@ fn without_beliefs_the_crowd_wins() {
 }
 
 #[test]
-fn a_prior_outweighs_a_small_majority() {
+fn prior_outweighs_a_small_majority() {
     for seed in 0..10 {
         let (camera_moves, _, mut pairs) = walking(seed);
         // 140 against 120.
@@ -236,7 +236,7 @@ fn a_prior_outweighs_a_small_majority() {
 
 /// A wrong prior does not hide a motion on which all pairs agree.
 #[test]
-fn a_wrong_prior_is_overruled() {
+fn unanimous_pairs_overrule_a_wrong_prior() {
     let (camera_moves, _, pairs) = walking(3);
     let prior = MotionPrior {
         b_from_a: Se3::exp(&Vec6::new(0.3, -0.2, 0.1, 0.1, 0.2, -0.1)),
@@ -250,7 +250,7 @@ fn a_wrong_prior_is_overruled() {
 
 /// Pairs of weight 0 are classified but do not vote.
 #[test]
-fn weightless_pairs_are_judged_only() {
+fn zero_weight_pairs_are_classified_without_voting() {
     let (camera_moves, _, mut pairs) = walking(5);
     for (i, p) in pairs.iter_mut().enumerate() {
         p.weight = if (180..240).contains(&i) { 1.0 } else { 0.0 };
@@ -263,7 +263,7 @@ fn weightless_pairs_are_judged_only() {
 }
 
 #[test]
-fn bad_input_is_no_motion() {
+fn invalid_input_gives_no_motion() {
     let (_, _, mut pairs) = walking(1);
     assert!(find(&[], None, 1).is_none());
     assert!(find(&pairs[..4], None, 1).is_none());
@@ -291,7 +291,7 @@ fn bad_input_is_no_motion() {
 }
 
 #[test]
-fn p3p_refuses_what_fixes_no_pose() {
+fn p3p_refuses_degenerate_input() {
     let (x, y, z) = (Vec3::x(), Vec3::y(), Vec3::z());
     let bearings = [x + z * 3.0, y + z * 3.0, z];
     assert!(p3p([x, x * 2.0, x * 3.0], bearings).is_empty());
@@ -370,7 +370,7 @@ impl Walk {
 /// A person walking slowly past a desk: a compromise between both motions is within pixels of all points. With wide
 /// voting almost all pairs agree with that; with sharp voting the desk's own motion wins.
 #[test]
-fn a_motion_between_two_crowds_loses_when_judged_sharply() {
+fn sharp_voting_rejects_a_compromise_motion() {
     let [wide, sharp] = Walk {
         camera_moves: Vec6::new(0.005, -0.004, -0.007, 0.001, -0.012, 0.002),
         room: (140, (1.0, 2.2)),
@@ -387,7 +387,7 @@ fn a_motion_between_two_crowds_loses_when_judged_sharply() {
 /// A camera that rotates in front of a desk of nearly constant depth: a rotation with the opposite translation moves
 /// all of it alike, and a few nearer people decide between both. With wide voting these walking people decide.
 #[test]
-fn a_few_at_another_depth_do_not_decide_when_judged_sharply() {
+fn sharp_voting_ignores_a_few_points_at_another_depth() {
     let [wide, sharp] = Walk {
         camera_moves: Vec6::new(0.005, 0.0, 0.002, 0.0, -0.05, 0.01),
         room: (200, (1.0, 1.15)),
@@ -404,7 +404,7 @@ fn a_few_at_another_depth_do_not_decide_when_judged_sharply() {
 
 /// Pairs at one depth in the image centre hardly distinguish translation from rotation; a known translation does.
 #[test]
-fn a_known_shift_tells_a_shift_from_a_turn() {
+fn known_translation_disambiguates_rotation() {
     let truth = Se3::exp(&Vec6::new(0.006, 0.0, 0.0, 0.0, 0.05, 0.0));
     let (mut with, mut without) = (0.0, 0.0);
     for seed in 0..40 {

@@ -40,7 +40,7 @@ fn differs(ahead: &Vec3, behind: &Vec3, step: f64, column: [f64; 3], size: [f64;
 
 proptest! {
     #[test]
-    fn derivative_by_the_point(p in point()) {
+    fn point_jacobian_matches_differences(p in point()) {
         let l = linearise(&CAMERA, &measurement(), &p);
         let size = l.by_point.map(|row| row.iter().fold(0.0, |a: f64, v| a.max(v.abs())));
         let step = 1e-6 * p.z;
@@ -54,7 +54,7 @@ proptest! {
     }
 
     #[test]
-    fn derivative_by_the_pose(p in point()) {
+    fn pose_jacobian_matches_differences(p in point()) {
         let l = linearise(&CAMERA, &measurement(), &p);
         let size = l.by_pose.map(|row| row.iter().fold(0.0, |a: f64, v| a.max(v.abs())));
         let step = 1e-6 * p.z.min(1.0);
@@ -71,7 +71,7 @@ proptest! {
 
     /// The squared distance is the sum of weighted residuals, with and without depth.
     #[test]
-    fn chi2_is_the_weighted_sum(p in point(), sigma_px in 0.5..4.0f64, depth in 0.5..8.0f64, sigma in 0.001..0.1f64) {
+    fn chi2_is_the_weighted_sum_of_squared_residuals(p in point(), sigma_px in 0.5..4.0f64, depth in 0.5..8.0f64, sigma in 0.001..0.1f64) {
         for depth in [None, Some((depth, sigma))] {
             let m = Measurement::new(Vec2::new(310.0, 250.0), sigma_px, depth);
             let e = linearise(&CAMERA, &m, &p).residual;
@@ -88,7 +88,7 @@ proptest! {
 
     /// An exact projection has no residual.
     #[test]
-    fn a_perfect_measurement_has_no_residual(p in point()) {
+    fn exact_projection_has_zero_residual(p in point()) {
         let camera = Camera::pinhole(640, 480, [520.0, 515.0, 320.0, 240.0]);
         let m = Measurement::new(camera.project(&p), 1.0, Some((p.z, 0.01)));
         let e = linearise(&Intrinsics::from(&camera), &m, &p).residual;
@@ -108,7 +108,7 @@ fn gates_follow_the_degrees_of_freedom() {
 }
 
 #[test]
-fn a_point_behind_the_camera_is_infinitely_far() {
+fn point_behind_the_camera_has_infinite_chi2() {
     let m = measurement();
     for z in [0.0, -1.0, 1e-4] {
         assert_eq!(m.chi2(&CAMERA, &Vec3::new(0.1, 0.1, z)), f64::INFINITY);

@@ -131,7 +131,7 @@ proptest! {
     }
 
     #[test]
-    fn nonsense_has_few_inliers(seed in any::<u64>()) {
+    fn random_observations_have_few_inliers(seed in any::<u64>()) {
         let random = &mut Random(seed);
         let (mut observations, _) = scene(&Se3::identity(), 60, 0.0, true, random);
         for o in &mut observations {
@@ -142,7 +142,7 @@ proptest! {
     }
 
     #[test]
-    fn the_same_input_gives_the_same_bits(seed in any::<u64>()) {
+    fn same_input_gives_identical_results(seed in any::<u64>()) {
         let (observations, _) = scene(&Se3::identity(), 80, 0.2, true, &mut Random(seed));
         let start = Se3::exp(&Vec6::new(0.02, 0.0, -0.01, 0.01, 0.0, 0.005));
         let (a, b) = (solve(&start, &observations), solve(&start, &observations));
@@ -153,7 +153,7 @@ proptest! {
 
     /// Two rays through a point meet there, for any length of their directions.
     #[test]
-    fn triangulation_meets_the_point(
+    fn triangulation_recovers_the_point(
         a in [-2.0..2.0f64, -2.0..2.0, -2.0..2.0],
         b in [-2.0..2.0f64, -2.0..2.0, -2.0..2.0],
         p in [-2.0..2.0f64, -2.0..2.0, 3.0..8.0],
@@ -193,7 +193,7 @@ fn information_is_the_inverse_covariance() {
 /// A known position is an additional measurement: errors scaled with the combined information have variance 1 in each
 /// of six directions.
 #[test]
-fn a_known_place_adds_its_information() {
+fn known_position_adds_its_information() {
     let (truth, runs, sigma) = (Se3::identity(), 400, [0.002, 0.000_5, 0.001]);
     let (in_a, random) = (Vec3::new(0.3, -0.2, 0.5), &mut Random(11));
     let information = Mat3::from_diagonal(&Vec3::from(sigma.map(|s: f64| 1.0 / (s * s))));
@@ -260,7 +260,7 @@ fn mean_nees(count: usize, outliers: f64, depth: bool, runs: u32, seed: u64) -> 
 /// With gates and outliers as in tracking: removing the outer 5 % of good measurements loses some information, so the
 /// mean is slightly above 6.
 #[test]
-fn errors_are_as_large_as_the_covariance_says() {
+fn errors_match_the_stated_covariance() {
     for (count, outliers, depth) in [
         (60, 0.0, true),
         (200, 0.0, true),
@@ -309,7 +309,7 @@ proptest! {
     }
 
     #[test]
-    fn any_numbers_are_inverted_or_refused(
+    fn any_matrix_is_inverted_or_refused(
         values in prop::collection::vec(any::<f64>(), 36),
     ) {
         let covariance = pose_covariance(&Mat6::from_row_slice(&values));
@@ -318,7 +318,7 @@ proptest! {
 }
 
 #[test]
-fn points_on_a_ray_leave_directions_open() {
+fn points_on_one_ray_give_no_covariance() {
     let (observations, _) = scene(&Se3::identity(), 200, 0.0, false, &mut Random(3));
     // Pixels of points on one ray leave the camera's distance along it open.
     let on_a_ray = |i: usize| PoseObservation {
@@ -381,7 +381,7 @@ fn points_behind_the_camera_are_no_inliers() {
 }
 
 #[test]
-fn rays_that_do_not_meet_in_front_give_nothing() {
+fn rays_not_meeting_in_front_give_no_point() {
     let (a, b) = (Vec3::zeros(), Vec3::x());
     // Parallel, and crossing behind both.
     assert_eq!(triangulate_midpoint(&a, &Vec3::z(), &b, &Vec3::z()), None);

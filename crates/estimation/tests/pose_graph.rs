@@ -99,7 +99,7 @@ proptest! {
 
     /// A 40 m loop with about a metre of drift is closed.
     #[test]
-    fn a_good_loop_closes_a_long_drift(seed in any::<u64>()) {
+    fn correct_loop_removes_accumulated_drift(seed in any::<u64>()) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let truth = circle(200);
         let mut graph = chain(&truth, 3.0, random);
@@ -115,7 +115,7 @@ proptest! {
 
     /// False loops lose their weight; with full weight they ruin the map.
     #[test]
-    fn false_loops_have_no_say(seed in any::<u64>()) {
+    fn false_loops_lose_their_weight(seed in any::<u64>()) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let truth = circle(200);
         let mut graph = chain(&truth, 0.5, random);
@@ -147,7 +147,7 @@ proptest! {
 
     /// Without noise the truth is recovered from far away, for any graph and order.
     #[test]
-    fn the_truth_comes_back(seed in any::<u64>(), extra in 1usize..80) {
+    fn noise_free_graph_recovers_the_truth(seed in any::<u64>(), extra in 1usize..80) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let truth = circle(60);
         let mut graph = chain(&truth, 0.0, random);
@@ -177,7 +177,7 @@ proptest! {
 
     /// Transforming the world transforms the result.
     #[test]
-    fn the_world_may_be_anywhere(seed in any::<u64>(), twist in prop::array::uniform6(-3.0..3.0f64)) {
+    fn result_is_independent_of_the_world_frame(seed in any::<u64>(), twist in prop::array::uniform6(-3.0..3.0f64)) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let truth = circle(50);
         let mut here = chain(&truth, 1.0, random);
@@ -200,7 +200,7 @@ proptest! {
 
 /// Why gates are graduated: after a large drift the final gate rejects good loops.
 #[test]
-fn without_stages_good_loops_are_refused() {
+fn without_graduation_correct_loops_are_rejected() {
     let closed = |graduation: f64| {
         let closes = |seed: &u64| {
             let random = &mut rng(*seed, 0, Purpose(1000));
@@ -222,7 +222,7 @@ fn without_stages_good_loops_are_refused() {
 
 /// 2000 poses in ten laps, with loops to the lap before.
 #[test]
-fn a_long_chain_converges() {
+fn long_chain_converges() {
     let random = &mut rng(3, 0, Purpose(1000));
     let lap = circle(200);
     let truth: Vec<Se3> = (0..2000).map(|i| lap[i % 200]).collect();
@@ -241,7 +241,7 @@ fn a_long_chain_converges() {
 }
 
 #[test]
-fn the_same_graph_gives_the_same_bits() {
+fn same_graph_gives_identical_results() {
     let run = || {
         let random = &mut rng(3, 0, Purpose(1000));
         let truth = circle(100);
@@ -255,7 +255,7 @@ fn the_same_graph_gives_the_same_bits() {
 
 /// Components without a fixed pose are held at their first one; a pose without edges stays.
 #[test]
-fn a_graph_may_be_in_parts() {
+fn disconnected_graph_is_optimised_by_component() {
     let random = &mut rng(3, 0, Purpose(1000));
     let truth = circle(60);
     let mut graph = chain(&truth, 1.0, random);
@@ -274,7 +274,7 @@ fn a_graph_may_be_in_parts() {
 }
 
 #[test]
-fn effort_is_counted() {
+fn iteration_limits_are_respected() {
     let random = &mut rng(3, 0, Purpose(1000));
     let truth = circle(200);
     let mut graph = chain(&truth, 3.0, random);
@@ -300,7 +300,7 @@ fn effort_is_counted() {
 }
 
 #[test]
-fn what_has_no_meaning_is_refused() {
+fn invalid_graphs_are_refused() {
     let random = &mut rng(3, 0, Purpose(1000));
     let truth = circle(20);
     let good = chain(&truth, 1.0, random);
@@ -335,7 +335,7 @@ fn what_has_no_meaning_is_refused() {
 }
 
 #[test]
-fn nothing_to_do_is_no_mistake() {
+fn graphs_without_free_poses_are_accepted() {
     let random = &mut rng(3, 0, Purpose(1000));
     let mut graph = chain(&circle(10), 1.0, random);
     graph.fixed.fill(true);

@@ -107,7 +107,7 @@ proptest! {
 
     /// Four fifths of the pairs are wrong. No right one is lost, as all are within the gates of the true motion.
     #[test]
-    fn a_motion_among_wrong_pairs(truth in motion(), seed in any::<u64>()) {
+    fn motion_is_found_among_outliers(truth in motion(), seed in any::<u64>()) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let pairs = clear_pairs(&truth, 200, 160, random);
         let outcome = find(&pairs, seed);
@@ -126,7 +126,7 @@ proptest! {
 
     /// Swapping the cameras gives the inverse motion.
     #[test]
-    fn the_way_back_is_the_inverse(truth in motion(), seed in any::<u64>()) {
+    fn swapped_cameras_give_the_inverse_motion(truth in motion(), seed in any::<u64>()) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let there = pairs(&truth, 80, 20, random);
         let back: Vec<_> = there.iter().map(|p| RigidPair {
@@ -142,7 +142,7 @@ proptest! {
     }
 
     #[test]
-    fn the_same_address_gives_the_same_bytes(seed in any::<u64>()) {
+    fn same_random_address_gives_identical_results(seed in any::<u64>()) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let pairs = pairs(&Se3::exp(&Vec6::new(0.1, 0.0, 0.1, 0.1, 0.0, 0.0)), 90, 50, random);
         let run = || format!("{:?}", find(&pairs, seed));
@@ -150,7 +150,7 @@ proptest! {
     }
 
     #[test]
-    fn nonsense_has_no_motion(seed in any::<u64>(), count in 30usize..300) {
+    fn random_pairs_give_no_motion(seed in any::<u64>(), count in 30usize..300) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let outcome = find(&pairs(&Se3::identity(), count, count, random), seed);
         prop_assert!(matches!(outcome, RigidOutcome::NoConsensus { inliers, .. } if inliers < 20), "{outcome:?}");
@@ -158,7 +158,7 @@ proptest! {
 
     /// No input causes a panic, and pairs that are not finite are never inliers.
     #[test]
-    fn broken_numbers_do_no_harm(seed in any::<u64>(), bad in prop::sample::select(vec![f64::NAN, f64::INFINITY, -1.0, 0.0, 1e300])) {
+    fn non_finite_pairs_are_tolerated(seed in any::<u64>(), bad in prop::sample::select(vec![f64::NAN, f64::INFINITY, -1.0, 0.0, 1e300])) {
         let random = &mut rng(seed, 0, Purpose(1000));
         let truth = Se3::exp(&Vec6::new(0.1, 0.0, 0.1, 0.1, 0.0, 0.0));
         let mut pairs = pairs(&truth, 90, 0, random);
@@ -180,7 +180,7 @@ proptest! {
 
 /// Errors scaled with the information are chi-square with six degrees of freedom, for measured and for exact points.
 #[test]
-fn the_information_tells_the_error() {
+fn errors_match_the_information() {
     for exact_points in [false, true] {
         let mut sum = 0.0;
         let runs = 200;
@@ -219,7 +219,7 @@ fn the_information_tells_the_error() {
 }
 
 #[test]
-fn what_does_not_determine_a_motion_is_named() {
+fn degenerate_or_too_few_pairs_are_reported() {
     let truth = Se3::exp(&Vec6::new(0.1, 0.0, 0.1, 0.1, 0.0, 0.0));
     let random = &mut rng(5, 0, Purpose(1000));
     let mut along = pairs(&truth, 60, 0, random);

@@ -5,7 +5,7 @@ use stillpoint_estimation::{Purpose, ransac_iterations, rng};
 
 /// Pinned, since a change of the numbers changes every result.
 #[test]
-fn numbers_are_pinned() {
+fn random_numbers_match_reference_values() {
     let mut first = rng(0, 0, Purpose::FUNDAMENTAL);
     let first = [first.bits(), first.bits()];
     let mut second = rng(42, 1234, Purpose::CAMERA_MOTION);
@@ -19,7 +19,7 @@ fn numbers_are_pinned() {
 
 /// Every part of the address matters.
 #[test]
-fn addresses_are_independent() {
+fn every_part_of_the_address_changes_the_numbers() {
     let mut seen = std::collections::BTreeSet::new();
     for seed in 0..16 {
         for frame in 0..16 {
@@ -31,7 +31,7 @@ fn addresses_are_independent() {
 }
 
 #[test]
-fn numbers_are_uniform() {
+fn random_numbers_are_uniform() {
     let mut random = rng(1, 2, Purpose::HOMOGRAPHY);
     let (mut sum, mut cells) = (0.0, [0; 10]);
     for _ in 0..100_000 {
@@ -65,7 +65,7 @@ fn subsets_are_uniform() {
 
 proptest! {
     #[test]
-    fn samples_are_distinct_and_within(count in 0usize..40, seed in any::<u64>()) {
+    fn samples_are_distinct_and_in_range(count in 0usize..40, seed in any::<u64>()) {
         let drawn = rng(seed, 0, Purpose(1000)).distinct::<7>(count);
         prop_assert_eq!(drawn.is_some(), count >= 7);
         if let Some(mut drawn) = drawn {
@@ -76,7 +76,7 @@ proptest! {
 
     /// The number suffices and one fewer does not, unless limited.
     #[test]
-    fn iterations_reach_the_confidence(w in 0.05..0.95f64, size in 1usize..8, confidence in 0.5..0.999f64) {
+    fn ransac_iterations_reach_the_confidence(w in 0.05..0.95f64, size in 1usize..8, confidence in 0.5..0.999f64) {
         let k = ransac_iterations(confidence, w, size, (1, 1_000_000));
         let miss = |k: usize| libm::pow(1.0 - libm::pow(w, size as f64), k as f64);
         if k < 1_000_000 {
@@ -91,7 +91,7 @@ proptest! {
 }
 
 #[test]
-fn iterations_without_meaning_are_bounded() {
+fn ransac_iterations_are_bounded_for_any_inlier_share() {
     assert_eq!(ransac_iterations(0.99, 0.0, 7, (10, 500)), 500);
     assert_eq!(ransac_iterations(0.99, f64::NAN, 7, (10, 500)), 500);
     assert_eq!(ransac_iterations(0.99, -0.5, 7, (10, 500)), 500);

@@ -108,7 +108,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn true_pairs_lie_on_their_lines(motion in motion(), seed in any::<u64>()) {
+    fn true_pairs_lie_on_their_epipolar_lines(motion in motion(), seed in any::<u64>()) {
         let f = true_fundamental(&motion);
         for (p, q) in pairs(&motion, Shape::Deep, 50, 0, 0.0, &mut rng(seed, 0, Purpose(1000))) {
             // The product loses digits to cancellation where the line is short, near the epipole.
@@ -130,7 +130,7 @@ proptest! {
     }
 
     #[test]
-    fn seven_points_give_the_true_matrix(motion in motion(), frame in any::<u64>()) {
+    fn seven_points_recover_the_fundamental_matrix(motion in motion(), frame in any::<u64>()) {
         let all = pairs(&motion, Shape::Deep, 60, 0, 0.0, &mut rng(1, 0, Purpose(1000)));
         let chosen = rng(2, frame, Purpose::FUNDAMENTAL).distinct::<7>(60).unwrap();
         let sample = chosen.map(|i| (to_unit(all[i].0), to_unit(all[i].1)));
@@ -149,7 +149,7 @@ proptest! {
     }
 
     #[test]
-    fn fundamental_among_outliers(motion in motion(), seed in any::<u64>()) {
+    fn fundamental_matrix_is_found_among_outliers(motion in motion(), seed in any::<u64>()) {
         let all = pairs(&motion, Shape::Deep, 400, 120, 0.3, &mut rng(seed, 0, Purpose(1000)));
         let found = find_fundamental(&all, &TwoViewOptions::default(), rng(seed, 1, Purpose::FUNDAMENTAL)).unwrap();
         let f = &found.f_matrix;
@@ -174,7 +174,7 @@ proptest! {
     }
 
     #[test]
-    fn the_same_address_gives_the_same_bytes(motion in motion(), seed in any::<u64>()) {
+    fn same_random_address_gives_identical_results(motion in motion(), seed in any::<u64>()) {
         let all = pairs(&motion, Shape::Deep, 100, 40, 0.5, &mut rng(seed, 0, Purpose(1000)));
         let options = TwoViewOptions::default();
         let f = || format!("{:?}", find_fundamental(&all, &options, rng(seed, 3, Purpose::FUNDAMENTAL)));
@@ -184,7 +184,7 @@ proptest! {
     }
 
     #[test]
-    fn four_points_give_the_true_homography(r in [-0.3..0.3f64, -0.3..0.3, -0.3..0.3], frame in any::<u64>()) {
+    fn four_points_recover_the_homography(r in [-0.3..0.3f64, -0.3..0.3, -0.3..0.3], frame in any::<u64>()) {
         let motion = Se3::exp(&Vec6::new(0.0, 0.0, 0.0, r[0], r[1], r[2]));
         let all = pairs(&motion, Shape::Deep, 60, 0, 0.0, &mut rng(1, 0, Purpose(1000)));
         let k = intrinsic_matrix();
@@ -200,7 +200,7 @@ proptest! {
     }
 
     #[test]
-    fn homography_among_outliers(motion in motion(), seed in any::<u64>()) {
+    fn homography_is_found_among_outliers(motion in motion(), seed in any::<u64>()) {
         let all = pairs(&motion, Shape::Plane, 300, 120, 0.3, &mut rng(seed, 0, Purpose(1000)));
         let found = find_homography(&all, &TwoViewOptions::default(), rng(seed, 1, Purpose::HOMOGRAPHY)).unwrap();
         let kept = found.inliers[120..].iter().filter(|i| **i).count();
@@ -257,7 +257,7 @@ fn degeneracies_are_distinguished() {
 
 /// Fewer outliers need fewer samples, within the bounds.
 #[test]
-fn iterations_adapt_within_their_bounds() {
+fn ransac_iterations_adapt_within_bounds() {
     let motion = Se3::exp(&Vec6::new(0.1, 0.03, 0.02, 0.01, 0.02, 0.0));
     let options = TwoViewOptions {
         min_iterations: 5,
@@ -283,7 +283,7 @@ fn iterations_adapt_within_their_bounds() {
 }
 
 #[test]
-fn bad_pairs_are_outliers_and_too_few_give_nothing() {
+fn non_finite_pairs_are_outliers_and_few_give_nothing() {
     let motion = Se3::exp(&Vec6::new(0.1, 0.03, 0.02, 0.01, 0.02, 0.0));
     let mut all = pairs(
         &motion,
@@ -325,7 +325,7 @@ fn bad_pairs_are_outliers_and_too_few_give_nothing() {
 
 /// Homographies that map points from behind the camera are refused.
 #[test]
-fn a_homography_keeps_points_in_front() {
+fn homographies_flipping_points_behind_are_refused() {
     let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let crossed = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
     let sample = |to: &[[f64; 2]; 4]| std::array::from_fn(|i| (square[i], to[i]));
@@ -336,7 +336,7 @@ fn a_homography_keeps_points_in_front() {
 }
 
 #[test]
-fn the_epipole_has_no_line() {
+fn epipole_has_no_epipolar_line() {
     // For motion along the optical axis the epipole is the principal point.
     let f = true_fundamental(&Se3::new(Default::default(), Vec3::z()));
     assert_eq!(

@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shorter_trajectory_leads_and_the_earlier_of_two_wins() {
+    fn association_follows_the_shorter_trajectory() {
         let (r, e) = (at(&[0.0, 0.25, 1.0]), at(&[0.125, 0.25]));
         assert_eq!(associate(&r, &e, 0.2), [(0, 0), (1, 1)]);
         // Equal lengths: the estimate leads, and both its poses may take the same one.

@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn honest_covariances_cover_nine_tenths_and_those_of_half_the_deviation_six() {
+    fn coverage_matches_the_stated_deviation() {
         let (truth, found) = walk();
         let with = |sigma: f64| {
             let covariance = Mat6::identity() * (sigma * sigma);
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_stands_still_is_scored_about_its_mean() {
+    fn static_camera_is_scored_about_its_mean() {
         let still = |at: &dyn Fn(usize) -> Se3| -> Vec<TimedPose> {
             (0..50)
                 .map(|i| TimedPose {

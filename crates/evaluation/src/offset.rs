@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn clocks_that_are_apart_are_found_and_others_left_alone() {
+    fn clock_offset_is_found_only_if_present() {
         let truth = moved(0.0, 12.0, 100.0, 0.0);
         for late in [0.25, -0.25, 0.033, 2.0, -4.0, 1.3e9] {
             let found = find_offset(&truth, &moved(5.0, 5.0, 30.0, late), false).unwrap();
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn too_little_gives_no_offset() {
+    fn too_few_poses_give_no_offset() {
         let truth = moved(0.0, 12.0, 100.0, 0.0);
         assert_eq!(find_offset(&truth, &[], false), None);
         assert_eq!(find_offset(&[], &truth, false), None);

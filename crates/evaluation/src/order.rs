@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_in_the_other_order_are_found_in_either_trajectory() {
+    fn wrong_quaternion_order_is_found_in_either_trajectory() {
         let truth = turned(0.6);
         let estimate = estimated(&truth);
         assert_eq!(find_other_order(&truth, &estimate), None);
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_said_where_it_cannot_be_told() {
+    fn ambiguous_quaternion_order_is_not_reported() {
         // A camera without rotation, another motion, and too little.
         let still = turned(0.0);
         assert_eq!(

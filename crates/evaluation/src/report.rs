@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn markdown_and_text() {
+    fn tables_are_written_as_markdown_and_text() {
         let mut t = Table::new(["stage", "ms", "note"]).align(2, Align::Left);
         t.row(["extract", "3.25", "a|b"]).row(["pose", "11.00"]);
         assert_eq!(

@@ -51,7 +51,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn known_values() {
+    fn statistics_match_known_values() {
         let s = Statistics::of(&[4.0, 0.0, 2.0, 2.0]).unwrap();
         assert_eq!((s.count, s.mean, s.median, s.max), (4, 2.0, 2.0, 4.0));
         assert!((s.rmse - 6f64.sqrt()).abs() < 1e-15 && (s.sd - 2f64.sqrt()).abs() < 1e-15);

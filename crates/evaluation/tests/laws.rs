@@ -45,7 +45,7 @@ fn options(with_scale: bool) -> EvalOptions {
 
 proptest! {
     #[test]
-    fn a_rigidly_moved_copy_is_perfect(poses in proptest::collection::vec(pose(), 5..30), a in pose()) {
+    fn rigidly_moved_copy_has_no_error(poses in proptest::collection::vec(pose(), 5..30), a in pose()) {
         let truth = trajectory(&poses);
         let e = evaluate(&truth, &map(&truth, |p| a * *p), &options(false)).unwrap();
         prop_assert!(e.ate.statistics.max < 1e-9);
@@ -85,7 +85,7 @@ proptest! {
     }
 
     #[test]
-    fn no_trial_alignment_beats_the_one_chosen(
+    fn alignment_is_optimal(
         poses in proptest::collection::vec((pose(), vec3(0.1)), 5..20), trial in (vec3(0.01), vec3(0.01))
     ) {
         let truth = trajectory(&poses.iter().map(|p| p.0).collect::<Vec<_>>());
@@ -122,7 +122,7 @@ fn later(poses: &[TimedPose], dt: f64) -> Vec<TimedPose> {
 }
 
 #[test]
-fn a_gap_makes_no_pair() {
+fn gaps_give_no_pairs() {
     let truth = line(60);
     let mut estimate = truth.clone();
     estimate.drain(20..40);
@@ -141,7 +141,7 @@ fn a_gap_makes_no_pair() {
 }
 
 #[test]
-fn errors_say_what_is_missing() {
+fn evaluation_errors_report_the_cause() {
     let truth = line(10);
     let o = EvalOptions::default();
     let message = |r: &[TimedPose], e: &[TimedPose]| evaluate(r, e, &o).unwrap_err().to_string();
@@ -170,7 +170,7 @@ fn errors_say_what_is_missing() {
 }
 
 #[test]
-fn a_fixed_camera_is_judged_by_drift() {
+fn fixed_camera_is_scored_by_drift() {
     let still = map(&line(5), |_| Se3::identity());
     let at = |x: f64, i: usize| TimedPose {
         stamp: i as f64 * 0.1,
@@ -201,7 +201,7 @@ fn a_fixed_camera_is_judged_by_drift() {
 }
 
 #[test]
-fn deltas_read_and_print() {
+fn deltas_round_trip_through_text() {
     for text in ["1s", "0.5s", "30f"] {
         assert_eq!(text.parse::<Delta>().unwrap().to_string(), text);
     }

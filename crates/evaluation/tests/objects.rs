@@ -94,7 +94,7 @@ fn agrees_with_trackeval() {
 }
 
 #[test]
-fn agrees_with_trackeval_where_it_is_installed() {
+fn agrees_with_installed_trackeval() {
     let Ok(python) = std::env::var("STILLPOINT_TRACKEVAL_PYTHON") else {
         println!(
             "skipped: STILLPOINT_TRACKEVAL_PYTHON names no Python that has the package trackeval"
@@ -111,7 +111,7 @@ fn agrees_with_trackeval_where_it_is_installed() {
 }
 
 #[test]
-fn perfect_tracks_and_none_at_all() {
+fn perfect_and_empty_tracks_get_extreme_scores() {
     let mut all = frames();
     for f in &mut all {
         f.found = f.truth.clone();
@@ -133,7 +133,7 @@ fn perfect_tracks_and_none_at_all() {
 }
 
 #[test]
-fn a_second_box_on_one_thing_is_a_ghost_and_an_ignored_one_is_not() {
+fn duplicate_box_is_a_ghost_unless_ignored() {
     let place = [300.0, 100.0, 360.0, 220.0];
     let thing = TrackedBox {
         id: 1,
@@ -168,7 +168,7 @@ fn a_second_box_on_one_thing_is_a_ghost_and_an_ignored_one_is_not() {
 }
 
 #[test]
-fn velocities_are_compared_in_one_world() {
+fn velocities_are_compared_in_one_frame() {
     let truth_from_found = Se3::exp(&Vec6::new(0.3, -1.0, 0.5, 0.2, 0.9, -0.4));
     let at = |position: Vec3, velocity: Vec3| {
         vec![TrackedBox {

@@ -25,7 +25,7 @@ fn walk(n: usize, noise: f64) -> Vec<TimedPose> {
 }
 
 #[test]
-fn trajectory_figure_shows_what_it_should() {
+fn trajectory_figure_is_complete() {
     let (truth, mut estimate) = (walk(300, 0.0), walk(300, 0.02));
     estimate.drain(100..150);
     let ate = evaluate(&truth, &estimate, &EvalOptions::default())
@@ -69,7 +69,7 @@ fn strokes<'a>(svg: &'a str, colour: &str) -> Vec<(usize, &'a str)> {
 }
 
 #[test]
-fn relative_errors_stand_under_the_absolute_ones() {
+fn relative_errors_are_plotted_below_absolute_ones() {
     let (truth, estimate) = (walk(300, 0.0), walk(300, 0.02));
     let e = evaluate(&truth, &estimate, &EvalOptions::default()).unwrap();
     let rpe = e.rpe.as_ref().unwrap();
@@ -98,7 +98,7 @@ fn every_panel_has_ticks_on_both_axes() {
 }
 
 #[test]
-fn truth_is_seen_under_an_estimate_that_lies_on_it() {
+fn truth_is_visible_under_a_coinciding_estimate() {
     let truth = walk(300, 0.0);
     let ate = evaluate(&truth, &truth, &EvalOptions::default())
         .unwrap()

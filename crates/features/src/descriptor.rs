@@ -54,7 +54,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_distance_is_the_portable_one(a in any::<[u64; 4]>(), b in any::<[u64; 4]>()) {
+        fn distance_matches_the_portable_implementation(a in any::<[u64; 4]>(), b in any::<[u64; 4]>()) {
             let none = Descriptor([0; 4]);
             let all = Descriptor([u64::MAX; 4]);
             for (a, b) in [(Descriptor(a), Descriptor(b)), (none, Descriptor(a)), (none, all)] {

@@ -318,7 +318,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
         #[test]
-        fn scores_are_the_largest_threshold_of_the_definition(
+        fn scores_match_the_fast_definition(
             width in 9_usize..80, height in 9_usize..14, palette in any::<[u8; 3]>(), seed in any::<u64>(),
         ) {
             // Few grey values, so that arcs of nine occur.
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn a_square_has_four_corners() {
+    fn square_has_four_corners() {
         let bright = |x: usize, y: usize| (20..40).contains(&x) && (24..50).contains(&y);
         let data = (0..64 * 80)
             .map(|i| if bright(i % 64, i / 64) { 150 } else { 50 })

@@ -38,7 +38,7 @@ mod tests {
     }
 
     #[test]
-    fn the_peak_of_a_quadratic_surface_is_found() {
+    fn quadratic_peak_is_found() {
         for (px, py) in [(0.0, 0.0), (0.3, -0.2), (-0.45, 0.4)] {
             let image = scores(|x, y| {
                 let (u, v) = (x - px, y - py);
@@ -53,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plateau_and_a_saddle_stay_where_they_are() {
+    fn plateau_and_saddle_are_not_moved() {
         assert_eq!(refine(&scores(|_, _| 50.0), 1, 1), (0.0, 0.0));
         assert_eq!(
             refine(&scores(|x, y| 50.0 + 9.0 * x * x - 9.0 * y * y), 1, 1),
@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn a_peak_far_away_is_held_within_a_pixel() {
+    fn refinement_is_limited_to_one_pixel() {
         let (dx, dy) = refine(&scores(|x, _| 100.0 + 50.0 * x - x * x), 1, 1);
         assert!(dx.abs() <= 1.0 && dy.abs() <= 1.0, "({dx}, {dy})");
     }

@@ -21,7 +21,7 @@ fn matches(a: &Features, b: &Features) -> Vec<(usize, usize)> {
 }
 
 #[test]
-fn an_ordinary_image_gives_about_the_wanted_number() {
+fn extraction_gives_about_the_requested_number() {
     let features = extract(&render(640, 480, |x, y| (x, y)), Simd::detect());
     assert!(
         (950..=1050).contains(&features.len()),
@@ -32,7 +32,7 @@ fn an_ordinary_image_gives_about_the_wanted_number() {
 }
 
 #[test]
-fn features_are_spread_over_the_image_and_the_levels() {
+fn features_are_spread_over_image_and_levels() {
     let features = extract(&render(640, 480, |x, y| (x, y)), Simd::detect());
     let mut cells = [0; 48];
     let mut levels = [0; 8];
@@ -63,7 +63,7 @@ fn features_are_spread_over_the_image_and_the_levels() {
 
 /// The texture shifted by a fraction of a pixel: most features are found at the shifted positions.
 #[test]
-fn a_shifted_image_gives_the_shifted_features() {
+fn shifted_image_gives_shifted_features() {
     let (dx, dy) = (7.3, -4.6);
     let first = extract(&render(640, 480, |x, y| (x, y)), Simd::detect());
     let second = extract(&render(640, 480, |x, y| (x + dx, y + dy)), Simd::detect());
@@ -92,7 +92,7 @@ fn a_shifted_image_gives_the_shifted_features() {
 
 /// Features of an image scaled by three levels: positions have no level-dependent bias.
 #[test]
-fn a_scaled_image_gives_features_at_other_levels_without_bias() {
+fn scaled_image_gives_unbiased_features_at_other_levels() {
     let scale = 1.2 * 1.2 * 1.2;
     let first = extract(&render(640, 480, |x, y| (x, y)), Simd::detect());
     let second = extract(
@@ -131,7 +131,7 @@ fn a_scaled_image_gives_features_at_other_levels_without_bias() {
 }
 
 #[test]
-fn a_turned_image_gives_turned_angles_and_like_descriptors() {
+fn rotated_image_gives_rotated_angles_and_same_descriptors() {
     for degrees in [20.0_f64, 75.0, 160.0, -110.0] {
         let (sin, cos) = libm::sincos(degrees.to_radians());
         let turn = |x: f64, y: f64| {
@@ -166,7 +166,7 @@ fn a_turned_image_gives_turned_angles_and_like_descriptors() {
 }
 
 #[test]
-fn the_same_image_gives_the_same_features_whatever_came_before() {
+fn extraction_does_not_depend_on_earlier_images() {
     let image = render(320, 240, |x, y| (x, y));
     let other = render(333, 200, |x, y| (x + 500.0, y));
     let mut extractor = OrbExtractor::new(&OrbConfig::default(), Simd::detect());
@@ -179,7 +179,7 @@ fn the_same_image_gives_the_same_features_whatever_came_before() {
 }
 
 #[test]
-fn images_without_corners_or_without_room_give_nothing() {
+fn flat_or_tiny_images_give_no_features() {
     for simd in [Simd::Scalar, Simd::detect()] {
         for (width, height) in [(0, 0), (1, 1), (38, 38), (38, 500), (7, 3)] {
             let data = (0..width * height).map(|i| (i * 97 % 251) as u8).collect();
@@ -196,7 +196,7 @@ fn images_without_corners_or_without_room_give_nothing() {
 }
 
 #[test]
-fn the_low_threshold_serves_cells_that_stay_empty() {
+fn low_threshold_fills_empty_cells() {
     // Contrast 60 on the left, 12 on the right: the right has corners at the low threshold only.
     let data = (0..480 * 640)
         .map(|i| {
@@ -227,7 +227,7 @@ fn the_low_threshold_serves_cells_that_stay_empty() {
 }
 
 #[test]
-fn configurations_out_of_range_are_named_and_survived() {
+fn out_of_range_configuration_is_reported_and_tolerated() {
     assert_eq!(OrbConfig::default().problems(), Vec::<String>::new());
     let odd = OrbConfig {
         features: 0,
@@ -246,7 +246,7 @@ fn configurations_out_of_range_are_named_and_survived() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
-    fn vector_kernels_give_the_bits_of_the_portable_ones(
+    fn vector_and_scalar_extraction_agree(
         width in 1_usize..260, height in 1_usize..180, seed in any::<u64>(), contrast in 1_u64..256,
     ) {
         let data = (0..width * height)

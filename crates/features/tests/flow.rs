@@ -70,7 +70,7 @@ fn expect((share, errors): (f32, Vec<f32>), least: f32, median: f32, most: f32) 
 }
 
 #[test]
-fn shifts_are_found_to_a_fraction_of_a_pixel() {
+fn shifts_are_tracked_to_subpixel_accuracy() {
     let first = still(400, 300);
     let points = corners(&first);
     for (dx, dy) in [(0.0, 0.0), (0.37, -0.81), (7.3, -4.6), (-17.2, 9.7)] {
@@ -83,7 +83,7 @@ fn shifts_are_found_to_a_fraction_of_a_pixel() {
 
 /// Good guesses give the same results as a search; bad ones are not corrected.
 #[test]
-fn looking_needs_guesses_that_are_right() {
+fn local_search_needs_accurate_guesses() {
     let first = still(400, 300);
     let points = corners(&first);
     let second = render(400, 300, |x, y| (x + 17.3, y - 9.6));
@@ -108,7 +108,7 @@ fn looking_needs_guesses_that_are_right() {
 
 /// A rotation by 2 degrees with a zoom of 3 %, and 15 grey levels brighter.
 #[test]
-fn small_turns_and_zooms_and_more_light_are_followed() {
+fn flow_follows_rotation_zoom_and_brightness() {
     let first = still(400, 300);
     let points = corners(&first);
     let (sin, cos) = libm::sincos(0.035);
@@ -135,7 +135,7 @@ fn small_turns_and_zooms_and_more_light_are_followed() {
 }
 
 #[test]
-fn points_at_the_border_or_leaving_the_image_are_refused() {
+fn points_at_or_beyond_the_border_are_refused() {
     let first = still(400, 300);
     let second = render(400, 300, |x, y| (x + 20.0, y));
     let border = [
@@ -175,7 +175,7 @@ fn points_at_the_border_or_leaving_the_image_are_refused() {
 
 /// Points without texture, or on a straight edge, give no result.
 #[test]
-fn flat_patches_and_straight_edges_give_none() {
+fn flat_patches_and_straight_edges_give_no_flow() {
     let flat = GrayImage::from_vec(200, 200, vec![90; 40_000]).unwrap();
     let noisy = |pixel: u8, i: usize| pixel + (hash(i as i64, 1, 7) % 3) as u8;
     let edge = (0..40_000).map(|i| noisy(if i % 200 < 100 { 60 } else { 160 }, i));
@@ -197,7 +197,7 @@ fn flat_patches_and_straight_edges_give_none() {
 
 /// A square with another texture covers part of the image; covered points must be rejected by the final tests.
 #[test]
-fn covered_points_are_refused() {
+fn occluded_points_are_refused() {
     let first = still(400, 300);
     let covered = |x: f64, y: f64| (120.0..280.0).contains(&x) && (80.0..220.0).contains(&y);
     let second = render(400, 300, |x, y| {
@@ -235,7 +235,7 @@ fn covered_points_are_refused() {
 }
 
 #[test]
-fn guesses_lead_to_the_same_place_and_wrong_ones_do_no_harm() {
+fn guesses_do_not_change_the_result() {
     let first = still(400, 300);
     let (dx, dy) = (22.4, -13.7);
     let second = render(400, 300, |x, y| (x + dx, y + dy));
@@ -265,7 +265,7 @@ fn guesses_lead_to_the_same_place_and_wrong_ones_do_no_harm() {
 }
 
 #[test]
-fn the_extractor_keeps_the_pyramid_before() {
+fn extractor_keeps_the_previous_pyramid() {
     let (first, second) = (still(400, 300), render(400, 300, |x, y| (x + 3.5, y + 1.0)));
     let mut extractor = OrbExtractor::new(&OrbConfig::default(), Simd::detect());
     let mut flow = Flow::new(FlowConfig::default(), Simd::detect());
@@ -299,7 +299,7 @@ fn the_extractor_keeps_the_pyramid_before() {
 }
 
 #[test]
-fn configurations_out_of_range_are_named_and_survived() {
+fn out_of_range_configuration_is_reported_and_tolerated() {
     assert_eq!(FlowConfig::default().problems(), Vec::<String>::new());
     let odd = FlowConfig {
         radius: 0,
@@ -343,7 +343,7 @@ fn configurations_out_of_range_are_named_and_survived() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
-    fn vector_kernels_give_the_bits_of_the_portable_ones(
+    fn vector_and_scalar_flow_agree(
         (width, height) in (1_usize..200, 1_usize..150), seed in any::<u64>(), contrast in 1_u64..256,
         (dx, dy) in (-9_i64..10, -9_i64..10), radius in 2_usize..=7, guessed in any::<bool>(),
     ) {

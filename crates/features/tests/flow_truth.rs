@@ -77,7 +77,7 @@ fn error(found: Option<FlowMatch>, truth: Vec2) -> Option<f64> {
 }
 
 #[test]
-fn flow_agrees_with_exact_depth_and_poses_of_simulated_rooms() {
+fn flow_agrees_with_simulated_depth_and_poses() {
     for scene in ["rpy", "halfsphere"] {
         let simulator = |noise: bool| {
             Simulator::new(&SimulatorConfig {

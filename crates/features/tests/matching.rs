@@ -65,7 +65,7 @@ fn inside(window: &Window, position: [f32; 2], level: u8) -> bool {
 
 proptest! {
     #[test]
-    fn the_grid_finds_what_a_search_through_all_finds(
+    fn grid_search_equals_exhaustive_search(
         (positions, levels, _) in scenes(), window in windows(),
     ) {
         let grid = FeatureGrid::build(&positions, &levels, BOUNDS);
@@ -82,7 +82,7 @@ proptest! {
     }
 
     #[test]
-    fn the_best_two_are_the_best_two_of_all(
+    fn best_two_equal_exhaustive_search(
         (positions, levels, descriptors) in scenes(), window in windows(), odd_only in any::<bool>(),
     ) {
         let grid = FeatureGrid::build(&positions, &levels, BOUNDS);
@@ -103,7 +103,7 @@ proptest! {
     }
 
     #[test]
-    fn a_grid_rebuilt_is_a_grid_built(
+    fn rebuilt_grid_equals_a_new_grid(
         (old_positions, old_levels, _) in scenes(), (positions, levels, _) in scenes(),
     ) {
         let mut grid = FeatureGrid::build(&old_positions, &old_levels, [0.0, 0.0, 100.0, 900.0]);
@@ -137,7 +137,7 @@ proptest! {
     }
 
     #[test]
-    fn distance_counts_the_bits_that_differ(a in any::<[u64; 4]>(), b in any::<[u64; 4]>()) {
+    fn distance_is_the_hamming_distance(a in any::<[u64; 4]>(), b in any::<[u64; 4]>()) {
         let bit = |words: &[u64; 4], i: usize| words[i / 64] >> (i % 64) & 1;
         let expected = (0..256).filter(|&i| bit(&a, i) != bit(&b, i)).count();
         prop_assert_eq!(Descriptor(a).distance(&Descriptor(b)) as usize, expected);
@@ -145,7 +145,7 @@ proptest! {
 }
 
 #[test]
-fn the_second_best_comes_with_its_level() {
+fn second_best_match_includes_its_level() {
     let positions = [[100.0, 100.0], [101.0, 100.0], [100.0, 103.0]];
     let grid = FeatureGrid::build(&positions, &[2, 3, 4], BOUNDS);
     let all = [
@@ -176,7 +176,7 @@ fn the_second_best_comes_with_its_level() {
 }
 
 #[test]
-fn a_close_second_fails_the_ratio_test() {
+fn close_second_best_fails_the_ratio_test() {
     let query = [Descriptor([0, 0, 0, 0])];
     let train = [
         Descriptor([0b1111, 0, 0, 0]),
@@ -189,7 +189,7 @@ fn a_close_second_fails_the_ratio_test() {
 }
 
 #[test]
-fn positions_that_are_not_numbers_are_left_out() {
+fn non_finite_positions_are_ignored() {
     let positions = [[f32::NAN, 1.0], [5.0, 5.0], [f32::INFINITY, 0.0]];
     let grid = FeatureGrid::build(&positions, &[0; 3], BOUNDS);
     let mut found = Vec::new();
@@ -201,7 +201,7 @@ fn positions_that_are_not_numbers_are_left_out() {
 }
 
 #[test]
-fn the_histogram_keeps_the_three_fullest_bins() {
+fn rotation_histogram_keeps_the_three_fullest_bins() {
     let mut histogram = RotationHistogram::new();
     let tau = std::f32::consts::TAU;
     // Around 0 (from both sides, and a turn further), around 90 degrees, and one at 200 degrees.
@@ -221,7 +221,7 @@ fn the_histogram_keeps_the_three_fullest_bins() {
 }
 
 #[test]
-fn the_medoid_is_the_one_in_the_middle() {
+fn medoid_is_the_central_descriptor() {
     let of = |bits: u64| Descriptor([bits, 0, 0, 0]);
     let all = [of(0b1111_1111), of(0b1), of(0b11), of(0b111), of(0)];
     assert_eq!(Descriptor::medoid(&all), Some(of(0b1)));

@@ -27,7 +27,7 @@ fn load(path: &PathBuf) -> GrayImage {
 }
 
 #[test]
-fn real_frames_give_the_wanted_number_alike_from_both_kernels_and_match_their_neighbours() {
+fn recorded_frames_extract_equally_and_match_neighbours() {
     let frames = frames();
     let mut portable = OrbExtractor::new(&OrbConfig::default(), Simd::Scalar);
     let mut vector = OrbExtractor::new(&OrbConfig::default(), Simd::detect());

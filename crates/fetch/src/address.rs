@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn redirects_resolve() {
+    fn redirect_targets_are_resolved() {
         for (base, location, target) in [
             ("https://a/b/c?d", "https://x/y", "https://x/y"),
             ("http://a/b/c", "https://x/y?z=1#f", "https://x/y?z=1"),
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn loopback_goes_past_proxies() {
+    fn loopback_bypasses_proxies() {
         for url in [
             "http://127.0.0.1:80/x",
             "http://localhost/",

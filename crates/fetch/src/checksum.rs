@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn checksums_are_those_of_sha256sum() {
+    fn checksum_files_follow_sha256sum() {
         let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         assert_eq!(recorded(&format!("{abc}  a.tgz\n")).as_deref(), Some(abc));
         for bad in ["", "banana", &abc[1..], &abc.to_uppercase()] {

@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cpu_that_cannot_encrypt_is_reported() {
+    fn cpu_without_encryption_support_is_reported() {
         let by_hand = "run `stillpoint models import yolox_nano.onnx`";
         let lacking = || Some("adx, avx2".to_owned());
         let e = refuse_without_encryption("HTTPS://host/file", lacking(), by_hand).unwrap_err();
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_read() {
+    fn content_ranges_are_parsed() {
         assert_eq!(content_range("bytes 5-9/10"), (Some(5), Some(10)));
         assert_eq!(content_range("bytes 5-9/*"), (Some(5), None));
         assert_eq!(content_range("bytes */10"), (None, Some(10)));

@@ -9,7 +9,7 @@ use stillpoint_testdata::server::{Server, break_off, reply, serve};
 const TAG: &str = "ETag: \"v1\"\r\n";
 
 #[test]
-fn what_broke_off_goes_on() {
+fn interrupted_download_is_resumed() {
     let bytes: &'static [u8] = sequence().leak();
     let server = at_first(
         move |_, stream| break_off(bytes, 100_000, TAG, stream),
@@ -34,7 +34,7 @@ fn what_broke_off_goes_on() {
 }
 
 #[test]
-fn a_changed_file_and_a_server_without_ranges_begin_anew() {
+fn changed_file_or_missing_range_support_restarts() {
     let bytes: &'static [u8] = sequence().leak();
     for ranges in [true, false] {
         let server = at_first(
@@ -53,7 +53,7 @@ fn a_changed_file_and_a_server_without_ranges_begin_anew() {
 }
 
 #[test]
-fn a_file_that_is_not_there_is_said() {
+fn missing_file_is_reported() {
     let server = Server::start(|_, _, stream| reply(stream, "404 Not Found", "", b""));
     let place = Place::new();
     let e = place.pull(&server, Packing::TarGz).unwrap_err().to_string();
@@ -69,7 +69,7 @@ fn a_file_that_is_not_there_is_said() {
 
 /// Also with a server without ranges and versions: the file is complete.
 #[test]
-fn a_disk_that_fills_while_unpacking_loses_nothing() {
+fn full_disk_while_unpacking_keeps_the_download() {
     let bytes: &'static [u8] = sequence().leak();
     let server = Server::start(move |_, _, stream| reply(stream, "200 OK", "", bytes));
     let place = Place::new();
@@ -97,7 +97,7 @@ fn a_disk_that_fills_while_unpacking_loses_nothing() {
 }
 
 #[test]
-fn a_disk_that_is_too_small_is_said_before_the_first_byte() {
+fn too_small_disk_is_reported_before_downloading() {
     let bytes: &'static [u8] = sequence().leak();
     let server = at_first(
         move |_, stream| break_off(bytes, 100_000, TAG, stream),
@@ -127,7 +127,7 @@ fn a_disk_that_is_too_small_is_said_before_the_first_byte() {
 }
 
 #[test]
-fn stopping_keeps_what_came() {
+fn stopping_keeps_the_partial_download() {
     let bytes: &'static [u8] = sequence().leak();
     let server = Server::of(bytes);
     let place = Place::new();

@@ -8,7 +8,7 @@ use stillpoint_testdata::server::Server;
 use tar::EntryType;
 
 #[test]
-fn paths_that_lead_elsewhere_are_refused() {
+fn paths_outside_the_folder_are_refused() {
     for name in [
         "../outside.txt",
         "walk/../../outside.txt",
@@ -53,7 +53,7 @@ fn links_and_devices_are_refused() {
 
 /// A header that claims 2 GB costs nothing; as the length of a file name it would be allocated.
 #[test]
-fn what_unpacks_to_far_more_is_refused() {
+fn decompression_bombs_are_refused() {
     let mut large = file("walk/rgb.txt", b"");
     let mut header = tar::Header::from_byte_slice(&large[..512]).clone();
     header.set_size(2 << 30);
@@ -88,7 +88,7 @@ fn what_unpacks_to_far_more_is_refused() {
 }
 
 #[test]
-fn what_is_damaged_is_refused() {
+fn damaged_archives_are_refused() {
     let whole = sequence();
     let mut wrong = whole.clone();
     wrong[100_000] ^= 1;
@@ -115,7 +115,7 @@ fn what_is_damaged_is_refused() {
 }
 
 #[test]
-fn what_is_no_sequence_is_refused() {
+fn archives_without_a_sequence_are_refused() {
     let said = refused(tgz(&[file("walk/depth.txt", b"")]), TarGz);
     assert!(said.contains("no file rgb.txt"), "{said}");
     let said = refused(zipped(&[("deep/walk/rgb.txt", b"")]), Zip);
@@ -145,7 +145,7 @@ fn what_is_no_sequence_is_refused() {
 
 /// With one byte changed, packed or not, the result is a folder or an error.
 #[test]
-fn whatever_is_damaged_becomes_a_folder_or_an_error() {
+fn changed_archives_give_a_folder_or_an_error() {
     let tar = [
         entry("walk/", EntryType::Directory, b""),
         file("walk/rgb.txt", b"1.0 rgb/1.png"),

@@ -7,7 +7,7 @@ use stillpoint_fetch::{Checksum, Progress, RealDisk};
 use stillpoint_testdata::server::{Server, serve};
 
 #[test]
-fn an_archive_becomes_a_folder_and_is_not_fetched_twice() {
+fn archive_is_unpacked_and_fetched_only_once() {
     let bytes = sequence().leak();
     let (place, server) = (Place::new(), Server::of(bytes));
     let mut seen = Vec::new();
@@ -38,7 +38,7 @@ fn an_archive_becomes_a_folder_and_is_not_fetched_twice() {
 }
 
 #[test]
-fn a_zip_becomes_a_folder_also_without_one_in_it() {
+fn zip_is_unpacked_with_or_without_a_top_folder() {
     let image = image();
     for top in ["walk/", ""] {
         let names = ["rgb.txt", "rgb/1.png", "empty.txt"].map(|n| format!("{top}{n}"));
@@ -54,7 +54,7 @@ fn a_zip_becomes_a_folder_also_without_one_in_it() {
 }
 
 #[test]
-fn a_later_download_is_compared_with_the_first() {
+fn later_download_is_compared_with_the_first() {
     let (bytes, other) = (sequence().leak(), tgz(&[file("walk/rgb.txt", b"")]).leak());
     let (first, second): (&'static [u8], &'static [u8]) = (bytes, other);
     let server = Server::start(move |number, request, stream| match number {
@@ -80,7 +80,7 @@ fn a_later_download_is_compared_with_the_first() {
 }
 
 #[test]
-fn what_has_the_name_is_not_touched() {
+fn existing_folder_is_not_changed() {
     let (place, server) = (Place::new(), Server::of(sequence().leak()));
     let folder = place.path().join("rgbd_walk");
     fs::create_dir_all(&folder).unwrap();

@@ -66,7 +66,7 @@ mod tests {
 
     /// Examples of FIPS 180-2, appendix B.1, and of the empty message.
     #[test]
-    fn known_digests() {
+    fn sha256_matches_known_digests() {
         let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         let empty = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
         assert_eq!(sha256_hex(b"abc"), abc);

@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn replaces_the_old_file_and_leaves_nothing_else() {
+    fn atomic_write_replaces_the_old_file_only() {
         let dir = tempfile::tempdir().unwrap();
         for name in [
             "a.txt",
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_leaves_the_target_alone() {
+    fn failed_write_keeps_the_target() {
         let dir = tempfile::tempdir().unwrap();
         let target = dir.path().join("folder");
         std::fs::create_dir_all(target.join("full")).unwrap();
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finished_leaves_the_old_file() {
+    fn unfinished_write_keeps_the_old_file() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.txt");
         std::fs::write(&path, "old").unwrap();
@@ -176,7 +176,7 @@ mod tests {
     /// A device is written to and not replaced; this one is always full.
     #[test]
     #[cfg(target_os = "linux")]
-    fn a_full_device_is_reported() {
+    fn full_device_is_reported() {
         let e = write_atomic(Path::new("/dev/full"), b"x").unwrap_err();
         assert_eq!(e.kind(), ErrorKind::StorageFull);
         assert!(!Path::new("/dev/full").is_file());
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn temporaries_of_those_who_died_are_removed_and_those_in_use_are_not() {
+    fn only_stale_temporary_files_are_removed() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.txt");
         for stale in [
@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn links_and_permissions_stay() {
+    fn links_and_permissions_are_preserved() {
         use std::os::unix::fs::PermissionsExt;
         let dir = tempfile::tempdir().unwrap();
         let (path, link) = (dir.path().join("a.txt"), dir.path().join("link"));
@@ -246,7 +246,7 @@ mod tests {
     /// Several related files are all on disk before the first is renamed; each replaces a link itself.
     #[test]
     #[cfg(unix)]
-    fn what_stands_aside_touches_nothing_until_it_takes_its_place() {
+    fn aside_file_changes_nothing_until_renamed() {
         let dir = tempfile::tempdir().unwrap();
         let [own, link, card] = ["own", "net.onnx", "net.toml"].map(|name| dir.path().join(name));
         std::fs::write(&own, "own").unwrap();

@@ -122,7 +122,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn is_the_best_of_all(rows in 1..5_usize, columns in 1..5_usize, v in prop::collection::vec(0.0..1.0_f64, 16)) {
+        fn assignment_is_optimal(rows in 1..5_usize, columns in 1..5_usize, v in prop::collection::vec(0.0..1.0_f64, 16)) {
             let values = matrix(rows, columns, &v);
             let found = assign(&values);
             prop_assert_eq!(found.iter().flatten().count(), rows.min(columns));
@@ -131,14 +131,14 @@ mod tests {
 
         /// Whole numbers, many of them equal, some below all sums of the others.
         #[test]
-        fn whole_numbers_are_exact(rows in 1..5_usize, columns in 1..5_usize, v in prop::collection::vec(prop_oneof![-4..4_i32, Just(-1_000_000_000)], 16)) {
+        fn integer_values_are_assigned_exactly(rows in 1..5_usize, columns in 1..5_usize, v in prop::collection::vec(prop_oneof![-4..4_i32, Just(-1_000_000_000)], 16)) {
             let values = matrix(rows, columns, &v);
             prop_assert_eq!(sum(&values, &assign(&values)), greatest(&values));
         }
 
         /// With a unique optimum the order of rows and columns does not matter.
         #[test]
-        fn order_does_not_matter_where_one_is_the_best(
+        fn unique_optimum_is_independent_of_order(
             v in prop::collection::vec(0..1000_i32, 16),
             row_order in Just([0, 1, 2, 3_usize]).prop_shuffle(),
             column_order in Just([0, 1, 2, 3_usize]).prop_shuffle(),
@@ -155,14 +155,14 @@ mod tests {
         }
 
         #[test]
-        fn ties_go_by_index(rows in 1..9_usize, columns in 1..9_usize, value in -5..5_i32) {
+        fn ties_are_resolved_by_index(rows in 1..9_usize, columns in 1..9_usize, value in -5..5_i32) {
             let found = assign(&vec![vec![f64::from(value); columns]; rows]);
             let expected: Vec<Option<usize>> = (0..rows).map(|i| (i < columns).then_some(i)).collect();
             prop_assert_eq!(found, expected);
         }
 
         #[test]
-        fn turned_around_it_is_as_good(rows in 1..5_usize, columns in 1..5_usize, v in prop::collection::vec(-9..9_i32, 16)) {
+        fn transposed_assignment_has_the_same_sum(rows in 1..5_usize, columns in 1..5_usize, v in prop::collection::vec(-9..9_i32, 16)) {
             let values = matrix(rows, columns, &v);
             let turned: Vec<Vec<f64>> = (0..columns).map(|j| (0..rows).map(|i| values[i][j]).collect()).collect();
             prop_assert_eq!(sum(&turned, &assign(&turned)), sum(&values, &assign(&values)));
@@ -170,13 +170,13 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_assigned_to_nothing() {
+    fn empty_input_gives_no_assignment() {
         assert!(assign(&[]).is_empty());
         assert_eq!(assign(&[vec![], vec![]]), [None, None]);
     }
 
     #[test]
-    fn what_is_no_number_is_not_assigned_and_ends() {
+    fn non_finite_values_are_not_assigned() {
         let values = [vec![f64::NAN, f64::NEG_INFINITY], vec![1.0, 2.0]];
         assert_eq!(assign(&values), [None, Some(1)]);
     }

@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn figures_that_no_sensor_has_are_named() {
+    fn implausible_imu_parameters_are_reported() {
         let good = ImuModel::bmi055();
         assert_eq!(good.check(), Ok(()));
         let wrong = |change: fn(&mut ImuModel)| {
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_sensor_sees_other_axes() {
+    fn rotated_sensor_has_rotated_axes() {
         let turned = ImuModel::bmi055().turned(Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2));
         let seen = turned.camera_from_imu.rotation * Vec3::x();
         assert!((seen - Vec3::y()).norm() < 1e-12);

@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn figures_that_no_odometry_has_are_named() {
+    fn implausible_odometry_parameters_are_reported() {
         let good = OdometryModel::mounted(Se3::identity());
         assert_eq!(good.check(), Ok(()));
         let wrong = |change: fn(&mut OdometryModel)| {
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_before_the_axle_is_swung_aside() {
+    fn camera_ahead_of_the_axle_moves_sideways_in_turns() {
         // Half a metre in front of the axle, looking ahead: camera x is the base's -y, camera z its x.
         let axes = so3::exp(&Vec3::new(0.0, 0.0, -std::f64::consts::FRAC_PI_2))
             * so3::exp(&Vec3::new(-std::f64::consts::FRAC_PI_2, 0.0, 0.0));

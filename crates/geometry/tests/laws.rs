@@ -61,7 +61,7 @@ proptest! {
 
     /// Independent reference: Rodrigues' formula with sine and cosine of the standard library.
     #[test]
-    fn so3_exp_is_rodrigues(axis in vector(1.0), angle in 0.01..6.0f64) {
+    fn so3_exp_matches_rodrigues_formula(axis in vector(1.0), angle in 0.01..6.0f64) {
         prop_assume!(axis.norm() > 0.1);
         let h = so3::hat(&axis.normalize());
         let expected = h * angle.sin() + h * h * (1.0 - angle.cos());
@@ -122,7 +122,7 @@ proptest! {
     }
 
     #[test]
-    fn adjoint_carries_a_twist_to_the_other_side(a in motion(), t in twist()) {
+    fn adjoint_moves_a_twist_to_the_left_side(a in motion(), t in twist()) {
         let left = a * Se3::exp(&t);
         let right = Se3::exp(&(a.adjoint() * t)) * a;
         prop_assert!(close(&left, &right, 1e-9));
@@ -142,7 +142,7 @@ proptest! {
     }
 
     #[test]
-    fn interpolation_begins_and_ends_where_it_should(a in motion(), b in motion(), s in 0.0..1.0f64) {
+    fn interpolation_is_exact_at_its_ends_and_linear(a in motion(), b in motion(), s in 0.0..1.0f64) {
         prop_assert!(close(&a.interpolate(&b, 0.0), &a, 1e-12));
         prop_assert!(close(&a.interpolate(&b, 1.0), &b, 1e-9));
         let m = a.interpolate(&b, s);
@@ -204,7 +204,7 @@ proptest! {
 
     /// Equal points stay degenerate when their mean is rounded.
     #[test]
-    fn umeyama_rejects_points_that_are_all_the_same(
+    fn umeyama_rejects_coincident_points(
         p in vector(100.0),
         others in prop::collection::vec(vector(3.0), 3..30),
     ) {
@@ -243,7 +243,7 @@ fn spread(points: &[Vec3]) -> f64 {
 }
 
 #[test]
-fn distortion_round_trips_over_the_whole_image() {
+fn lens_distortion_round_trips_over_the_whole_image() {
     let camera = fr1();
     let mut moved = 0.0f64;
     for y in (0..480).step_by(3).chain([479]) {
@@ -263,7 +263,7 @@ fn distortion_round_trips_over_the_whole_image() {
 }
 
 #[test]
-fn undistorted_bounds_hold_the_image() {
+fn undistorted_bounds_contain_the_image() {
     let camera = fr1();
     let [x0, y0, x1, y1] = camera.undistorted_bounds();
     for y in (0..480).step_by(7).chain([479]) {
@@ -278,7 +278,7 @@ fn undistorted_bounds_hold_the_image() {
 }
 
 #[test]
-fn a_camera_without_distortion_moves_no_pixel() {
+fn undistorted_camera_moves_no_pixel() {
     let camera = fr1().rectified();
     let px = Vec2::new(12.25, 470.5);
     assert_eq!(camera.distort(px), px);
@@ -290,7 +290,7 @@ fn a_camera_without_distortion_moves_no_pixel() {
 }
 
 #[test]
-fn umeyama_rejects_what_fixes_nothing() {
+fn umeyama_rejects_degenerate_input() {
     let p = [
         Vec3::new(0.0, 0.0, 0.0),
         Vec3::new(1.0, 0.0, 0.0),
@@ -334,7 +334,7 @@ fn chi_square_probability(degrees: i32, x: f64) -> f64 {
 }
 
 #[test]
-fn gates_are_quantiles() {
+fn chi2_gates_are_the_stated_quantiles() {
     for (degrees, p, quantile) in [
         (1, 0.95, robust::CHI2_95_1),
         (2, 0.95, robust::CHI2_95_2),

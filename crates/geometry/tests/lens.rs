@@ -12,7 +12,7 @@ fn with_lens([k1, k2, p1, p2, k3]: [f64; 5]) -> Camera {
 }
 
 #[test]
-fn real_lenses_can_be_inverted() {
+fn real_lenses_are_accepted() {
     assert_eq!(fr1().check(), Ok(()));
     assert_eq!(fr1().rectified().check(), Ok(()));
     // A wide webcam, a pincushion and a decentred lens.
@@ -26,7 +26,7 @@ fn real_lenses_can_be_inverted() {
 }
 
 #[test]
-fn a_lens_that_folds_within_the_image_is_refused() {
+fn lens_folding_within_the_image_is_refused() {
     // Freiburg 1 without its last coefficient folds before the corners.
     let forgotten = with_lens([0.2624, -0.9531, -0.0054, 0.0026, 0.0]);
     let said = forgotten.check().unwrap_err().to_string();
@@ -56,7 +56,7 @@ fn a_lens_that_folds_within_the_image_is_refused() {
 }
 
 #[test]
-fn figures_that_are_no_camera_are_refused() {
+fn invalid_camera_parameters_are_refused() {
     for bad in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e100] {
         for camera in [Camera { fx: bad, ..fr1() }, Camera { fy: bad, ..fr1() }] {
             let said = camera.check().unwrap_err().to_string();
@@ -79,7 +79,7 @@ fn figures_that_are_no_camera_are_refused() {
 }
 
 #[test]
-fn figures_that_no_lens_has_are_refused_by_their_names() {
+fn implausible_camera_parameters_are_refused_by_name() {
     let fr1 = || fr1().rectified();
     for (camera, parts) in [
         (
@@ -138,7 +138,7 @@ fn figures_that_no_lens_has_are_refused_by_their_names() {
 }
 
 #[test]
-fn unusual_cameras_are_allowed() {
+fn unusual_cameras_are_accepted() {
     for (size, k) in [
         // A fisheye of 190 degrees on 848 x 800, and one of 220 whose circle is as high as the image.
         ([848, 800], [286.0, 286.0, 424.0, 400.0]),

@@ -223,7 +223,7 @@ mod tests {
 
     /// A network that sorts all arrays of zeros and ones sorts all arrays (Knuth, 5.3.4).
     #[test]
-    fn sixteen_numbers_are_sorted() {
+    fn sorting_network_sorts_sixteen_values() {
         for bits in 0..1_u32 << 16 {
             let mut v: [f32; 16] = std::array::from_fn(|i| (bits >> i & 1) as f32);
             sort(&mut v);
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_are_those_of_the_definition_bit_for_bit() {
+    fn cells_match_the_definition_bit_for_bit() {
         let mut x = 7_u64;
         let mut next = move || {
             x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn takes_one_side_of_an_edge() {
+    fn cell_depth_takes_one_side_of_an_edge() {
         let coarse = CoarseDepth::new(&image(|x, _| if x < 11 { 1.0 } else { 3.0 }), 8);
         assert_eq!((coarse.width(), coarse.height()), (4, 3));
         assert!(coarse.data().iter().all(|z| *z == 1.0 || *z == 3.0));
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn ignores_missing_and_broken_depths() {
+    fn missing_and_invalid_depths_are_ignored() {
         let coarse = CoarseDepth::new(
             &image(|x, y| match (x, y % 4) {
                 (0..8, _) => 0.0,
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn the_middle_of_a_cell_is_between_its_pixels() {
+    fn cell_centre_is_between_its_pixels() {
         let coarse = CoarseDepth::new(&image(|_, _| 1.0), 8);
         // Pixels 0 to 7, 24 to 31 and 16 to 23.
         assert_eq!(coarse.centre(0, 0), [3.5, 3.5]);

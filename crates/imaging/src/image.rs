@@ -276,7 +276,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn depth_is_resampled_about_the_middle_of_its_pixels() {
+    fn depth_is_resampled_about_pixel_centres() {
         let small = DepthImage::from_vec(2, 1, vec![1.0, 2.0]).unwrap();
         let large = small.resampled(6, 2).unwrap();
         let row = [1.0, 1.0, 1.0, 2.0, 2.0, 2.0];
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn luma_is_the_same_by_any_instructions() {
+    fn vector_and_scalar_luma_agree() {
         for pixels in (1..70).chain([307, 4096]) {
             let rgb: Vec<u8> = (0..3 * pixels)
                 .map(|i| (i * i * 37 + i / 3) as u8)
@@ -313,7 +313,7 @@ mod tests {
 
     /// Sizes whose product wraps to 0 or a small number in 64 bits, with data of that length.
     #[test]
-    fn sizes_that_wrap_are_refused() {
+    fn overflowing_sizes_are_refused() {
         let half = 1 << (usize::BITS / 2);
         assert!(GrayImage::from_vec(half, half, Vec::new()).is_err());
         assert!(DepthImage::from_vec(half, half, Vec::new()).is_err());

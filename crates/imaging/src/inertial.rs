@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_number_is_no_sample() {
+    fn non_finite_inertial_sample_is_invalid() {
         let mut sample = ImuSample::default();
         assert!(sample.is_finite());
         sample.specific_force[2] = f64::NAN;

@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_pose_is_no_sample() {
+    fn invalid_odometry_sample_is_rejected() {
         let good = OdometrySample::default();
         assert!(good.is_pose());
         let mut sample = good;

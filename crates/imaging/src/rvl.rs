@@ -120,7 +120,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_packed_comes_back(values in prop::collection::vec(prop_oneof![Just(0_u16), any::<u16>(), 900_u16..1000], 0..400)) {
+        fn rvl_round_trips(values in prop::collection::vec(prop_oneof![Just(0_u16), any::<u16>(), 900_u16..1000], 0..400)) {
             let (mut bytes, mut back) = (Vec::new(), Vec::new());
             encode(&values, &mut bytes);
             prop_assert_eq!(decode(&bytes, values.len(), &mut back), Some(()));
@@ -129,7 +129,7 @@ mod tests {
         }
 
         #[test]
-        fn any_bytes_are_refused_or_read(bytes in prop::collection::vec(any::<u8>(), 0..200), count in 0_usize..500) {
+        fn arbitrary_bytes_are_refused_or_decoded(bytes in prop::collection::vec(any::<u8>(), 0..200), count in 0_usize..500) {
             let mut out = Vec::new();
             if decode(&bytes, count, &mut out).is_some() {
                 prop_assert_eq!(out.len(), count);
@@ -139,7 +139,7 @@ mod tests {
 
     /// The bytes of Wilson's paper: two zeros, then +5, -1, +0.
     #[test]
-    fn the_code_is_the_published_one() {
+    fn encoding_matches_the_paper() {
         let mut bytes = Vec::new();
         encode(&[0, 0, 5, 4, 4], &mut bytes);
         assert_eq!(bytes, 0x23A1_1000_u32.to_le_bytes());
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_and_differences_are_read() {
+    fn runs_and_differences_are_decoded() {
         // 2 zeros, then 3 values: +5 (coded 10 = 2 + 1 * 8), -1 (coded 1), +0.
         let bytes = words(&[2, 3, 8 | 2, 1, 1, 0]);
         assert_eq!(decoded(&bytes, 5), Some(vec![0, 0, 5, 4, 4]));

@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn every_sample_is_taken_once_and_one_lies_behind_the_frame() {
+    fn samples_are_taken_once_up_to_one_after_the_frame() {
         let mut track = track(&[0.0, 1.0, 2.0, 3.0, 4.0]);
         assert_eq!(stamps(&track.take_until(1.5)), [0.0, 1.0, 2.0]);
         assert!(track.take_until(1.8).is_empty());
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_before_the_first_frame_is_left_out() {
+    fn samples_before_the_first_frame_are_skipped() {
         let mut track = track(&[0.0, 1.0, 2.0, 3.0]);
         track.skip_before(1.5);
         assert_eq!(stamps(&track.take_until(2.5)), [2.0, 3.0]);

@@ -65,7 +65,7 @@ mod tests {
 
     /// Tests compare scalar code with the detected kernels: failing detection would make them trivial.
     #[test]
-    fn only_what_the_machine_has_is_found() {
+    fn detected_instructions_match_the_architecture() {
         let arm = cfg!(target_arch = "aarch64");
         assert_eq!(Simd::detect() == Simd::Neon, arm);
         assert_eq!(Simd::Neon.has_neon(), arm);

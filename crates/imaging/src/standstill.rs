@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_that_is_repeated_is_none_and_goes_on_later() {
+    fn repeated_depth_is_detected_until_fresh() {
         let mut frames = moving();
         assert_eq!(watched(&frames), [None; 12]);
         for i in 4..9 {
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn a_colour_image_that_is_repeated_is_no_new_view() {
+    fn repeated_colour_image_is_detected() {
         let mut frames = moving();
         for i in 4..9 {
             frames[i] = with(&frames[i], None, Some(&frames[3].clone()));
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn colour_at_half_the_rate_of_depth_is_a_view_every_second_time() {
+    fn half_rate_colour_is_repeated_every_second_frame() {
         let frames = moving();
         let halved: Vec<_> = (0..12)
             .map(|i| with(&frames[i], None, Some(&frames[i - i % 2])))
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_tells_a_stream_that_hangs_from_a_camera_at_rest() {
+    fn noise_distinguishes_a_frozen_stream_from_rest() {
         for (share, expected) in [(0.01, Still::Frame), (0.0, Still::Rest)] {
             let mut frames: Vec<_> = (0..12).map(|i| frame(i, (i, i), (3.0, share))).collect();
             let third = frames[3].clone();
@@ -291,20 +291,20 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_at_rest_may_have_one_image_without_noise() {
+    fn noise_free_image_at_rest_is_not_frozen() {
         let still = |noise| (0..12).map(|i| frame(i, (0, 0), noise)).collect::<Vec<_>>();
         assert_eq!(watched(&still((4.0, 0.0))), [None; 12]);
         assert_eq!(watched(&still((0.0, 0.01))), [None; 12]);
     }
 
     #[test]
-    fn a_camera_that_moves_along_a_plane_without_noise_measures_the_same() {
+    fn equal_depth_of_a_plane_is_not_frozen() {
         let frames: Vec<_> = (0..12).map(|i| frame(i, (i, 0), (3.0, 0.0))).collect();
         assert_eq!(watched(&frames), [None; 12]);
     }
 
     #[test]
-    fn what_shows_nothing_is_not_repeated() {
+    fn blank_images_are_not_detected_as_repeated() {
         let blank = |i| {
             let (w, h) = SIZE;
             let frame = frame(i, (i, i), (3.0, 0.01));

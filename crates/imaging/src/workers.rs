@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn everything_is_done_once_and_in_order_with_and_without_help() {
+    fn all_parts_run_once_in_order_with_any_worker_count() {
         for workers in [Workers::default(), Workers::new(3).unwrap()] {
             for count in [0, 1, 2, 7, 1000] {
                 let (mut values, mut rows) = (vec![0; count], vec![0; 3 * count]);
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_reaches_whoever_asked() {
+    fn panic_propagates_to_the_caller() {
         let workers = Workers::new(2).unwrap();
         let fails = || workers.run(|| both(|| (), || panic!("expected")));
         assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(fails)).is_err());
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn fewer_than_two_are_none() {
+    fn single_worker_needs_no_pool() {
         assert!(Workers::new(1).unwrap().0.is_none());
     }
 }

@@ -21,7 +21,7 @@ fn drawn(width: usize, height: usize, value: impl Fn(f64, f64) -> f64) -> GrayIm
 
 proptest! {
     #[test]
-    fn vector_kernels_give_the_bits_of_the_portable_ones(
+    fn vector_and_scalar_pyramids_agree(
         image in images(), levels in 1_usize..6, factor in 1.01_f32..2.2,
     ) {
         let mut scalar = Pyramid::new(levels, factor, Simd::Scalar);
@@ -37,7 +37,7 @@ proptest! {
     }
 
     #[test]
-    fn positions_go_to_the_base_and_back(
+    fn positions_round_trip_to_the_base_level(
         level in 0_usize..8, x in -50.0_f32..700.0, y in -50.0_f32..500.0,
     ) {
         let pyramid = Pyramid::new(8, 1.2, Simd::Scalar);
@@ -49,7 +49,7 @@ proptest! {
     }
 
     #[test]
-    fn smoothing_and_scaling_keep_a_constant(
+    fn smoothing_and_scaling_keep_a_constant_image(
         width in 1_usize..100, height in 1_usize..50, grey in any::<u8>(),
     ) {
         let image = drawn(width, height, |_, _| f64::from(grey));
@@ -64,7 +64,7 @@ proptest! {
 }
 
 #[test]
-fn levels_have_the_rounded_sizes() {
+fn levels_have_rounded_sizes() {
     let mut pyramid = Pyramid::new(8, 1.2, Simd::detect());
     pyramid.build(&GrayImage::new(640, 480));
     let sizes: Vec<_> = (0..8)
@@ -86,7 +86,7 @@ fn levels_have_the_rounded_sizes() {
 /// On a grey ramp, a pixel's value is its sampling position in the base image. A falling ramp cancels the rounding bias
 /// of greys.
 #[test]
-fn every_level_samples_the_base_where_its_mapping_says() {
+fn every_level_samples_the_base_at_its_mapping() {
     for along_x in [true, false] {
         let (width, height) = if along_x { (255, 200) } else { (200, 255) };
         let place = |x: f64, y: f64| if along_x { x } else { y };
@@ -118,7 +118,7 @@ fn every_level_samples_the_base_where_its_mapping_says() {
 }
 
 #[test]
-fn smoothing_is_the_gaussian_of_sigma_two() {
+fn smoothing_matches_a_gaussian_of_sigma_two() {
     // The response to a point of 255 is too faint at the rim for 8 bits; to a bright column the sum over rows is 1.
     let column = drawn(21, 21, |x, _| if x == 10.0 { 255.0 } else { 0.0 });
     let mut smooth = GrayImage::default();
@@ -143,7 +143,7 @@ fn smoothing_is_the_gaussian_of_sigma_two() {
 }
 
 #[test]
-fn one_pyramid_serves_images_of_different_sizes() {
+fn pyramid_is_reusable_for_other_image_sizes() {
     let mut pyramid = Pyramid::new(4, 1.2, Simd::detect());
     for (width, height) in [(640, 480), (33, 17), (0, 0), (1, 1), (640, 480)] {
         let image = drawn(width, height, |x, y| (x * 7.0 + y * 13.0) % 256.0);

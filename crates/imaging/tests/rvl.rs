@@ -7,7 +7,7 @@ use stillpoint_imaging::rvl;
 
 /// Images made by `tools/recordings/rvl_frames.py`, and those of the file in `STILLPOINT_RVL`.
 #[test]
-fn images_of_another_implementation_are_read() {
+fn images_encoded_by_another_implementation_are_decoded() {
     let mut files = vec![include_bytes!("golden/rvl.bin").to_vec()];
     files.extend(std::env::var_os("STILLPOINT_RVL").map(|p| std::fs::read(p).unwrap()));
     let mut out = Vec::new();

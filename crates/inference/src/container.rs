@@ -34,7 +34,7 @@ mod tests {
     const MODEL: [u8; 11] = [0x08, 7, 0x12, 2, b'm', b'e', 0x3a, 3, 1, 2, 3];
 
     #[test]
-    fn whole_files_pass_and_cut_ones_do_not() {
+    fn truncated_onnx_files_are_refused() {
         assert_eq!(check(&MODEL), Ok(()));
         for length in [1, 3, 4, 5, 7, 8, 9, 10] {
             let error = check(&MODEL[..length]).unwrap_err();

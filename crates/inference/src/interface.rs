@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn malicious_ports_are_bounded() {
+    fn number_and_size_of_ports_are_bounded() {
         let most = Interface::read(&model(MOST_PORTS, "y", &[1; MOST_DIMENSIONS])).unwrap();
         assert_eq!(most.outputs.len(), MOST_PORTS);
         for (malicious, what) in [
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn a_listing_shows_both_sides_and_counts_the_rest() {
+    fn listing_shows_inputs_and_outputs_and_counts_the_rest() {
         for (inputs, outputs, shown, tail) in [
             (1, 2, 3, None),
             (300, 9, 12, Some("  and 297 more")),

@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn models_are_recognised_by_what_they_take_and_give() {
+    fn models_are_recognised_by_inputs_and_outputs() {
         let square = [1, 3, 416, 416];
         for (input, outputs, expected) in [
             (square, vec![&[1_u64, 3549, 85][..]], (Head::Yolox, 3)),
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_unknown_stays_so() {
+    fn unknown_models_are_not_recognised() {
         for (input, outputs) in [
             (&[1, 3, 224, 224][..], &[&[1, 1000][..]][..]),
             (&[1, 1, 416, 416], &[&[1, 3549, 85]]),
@@ -384,7 +384,7 @@ mod tests {
 
     /// Each would take a quarter of a gigabyte.
     #[test]
-    fn outputs_that_are_huge_together_are_not_made() {
+    fn huge_total_outputs_are_not_allocated() {
         let outputs = vec![&[1_u64, 8192, 8192][..]; 12];
         let huge = interface(&[1, 3, 416, 416], &outputs);
         assert_eq!(declared_numbers(&huge), None);

@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn an_image_of_the_input_size_is_copied_into_planes() {
+    fn image_of_input_size_is_copied_into_planes() {
         let source = image(4, 3, |x, y| [x as u8, 10 * y as u8, 200]);
         let mut letterbox = Letterbox::default();
         let planes = letterbox.fill(&source, &yolox(), size(4, 3)).to_vec();
@@ -253,7 +253,7 @@ mod tests {
 
     /// The fast path for unscaled images gives the same values.
     #[test]
-    fn unscaled_images_have_the_values_of_scaled_ones() {
+    fn unscaled_fast_path_equals_scaling() {
         let source = image(37, 5, |x, y| [7 * x as u8, 50 * y as u8, (x * y) as u8]);
         let norm = Norm {
             mean: [103.53, 116.28, 123.675],
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_come_in_the_cards_order_and_normalised() {
+    fn channels_are_ordered_and_normalised_by_the_card() {
         let source = image(2, 2, |_, _| [10, 20, 30]);
         let card = CardInput {
             colour: ColourOrder::Rgb,
@@ -291,7 +291,7 @@ mod tests {
 
     /// A ramp stays a ramp: an output pixel's centre is at `(i + 0.5) * 2 - 0.5` of the source.
     #[test]
-    fn halving_takes_values_between_pixels() {
+    fn halving_interpolates_between_pixels() {
         let source = image(16, 8, |x, y| [10 * x as u8, 20 * y as u8, 0]);
         let mut letterbox = Letterbox::default();
         let planes = letterbox.fill(&source, &yolox(), size(8, 8)).to_vec();
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn images_lie_where_the_card_puts_them() {
+    fn image_placement_follows_the_card() {
         let source = image(8, 4, |_, _| [9; 3]);
         let lit = |resize, input: Size| {
             let card = CardInput { resize, ..yolox() };
@@ -342,7 +342,7 @@ mod tests {
 
     /// The padding of a wide image must not remain in a tall one that follows, nor one input size in the next.
     #[test]
-    fn images_of_another_size_leave_no_traces() {
+    fn earlier_images_leave_no_traces() {
         let wide = image(8, 4, |_, _| [9; 3]);
         let tall = image(4, 8, |_, _| [7; 3]);
         let mut letterbox = Letterbox::default();
@@ -358,7 +358,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_pixel_is_as_defined(
+        fn letterbox_pixels_match_the_definition(
             (w, h) in (1_usize..20, 1_usize..20),
             (u, v) in (1_usize..20, 1_usize..20),
             seed in any::<u64>(),

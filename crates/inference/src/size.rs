@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_shorter_side_follows_the_image() {
+    fn shorter_input_side_follows_the_image_aspect() {
         let own = Size {
             width: 416,
             height: 416,

@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn message_fields_round_trip() {
         let bytes = sample();
         let read: Vec<Field<'_>> = fields(&bytes).map(Result::unwrap).collect();
         let numbers: Vec<u64> = read.iter().map(|f| f.number).collect();
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_that_point_backwards_are_refused() {
+    fn overflowing_lengths_are_refused() {
         let mut bytes = vec![0x08, 7, 0x3a];
         bytes.extend([0xff; 9]);
         bytes.push(1);
@@ -284,7 +284,7 @@ mod tests {
     proptest! {
         /// Reading terminates for any bytes, and the fields are contiguous.
         #[test]
-        fn any_bytes_are_read_to_their_end(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        fn reading_terminates_for_any_bytes(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
             let read: Vec<_> = fields(&bytes).collect();
             let length: usize = read.iter().flatten().map(|f| f.raw.len()).sum();
             prop_assert!(length <= bytes.len());
@@ -293,7 +293,7 @@ mod tests {
 
         /// Truncation within a field is detected.
         #[test]
-        fn cuts_are_noticed(keep in 0_usize..100) {
+        fn truncation_within_a_field_is_detected(keep in 0_usize..100) {
             let bytes = sample();
             let ends: Vec<usize> = fields(&bytes).map(Result::unwrap).scan(0, |end, f| {
                 *end += f.raw.len();

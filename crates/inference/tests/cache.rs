@@ -27,7 +27,7 @@ fn damage(cache: &Cache, name: &str) -> String {
 }
 
 #[test]
-fn a_cache_that_does_not_exist_is_empty() {
+fn missing_cache_folder_is_empty() {
     let (folder, cache) = scratch();
     assert!(cache.list().unwrap().is_empty());
     assert!(cache.strays().unwrap().is_empty());
@@ -40,7 +40,7 @@ fn a_cache_that_does_not_exist_is_empty() {
 }
 
 #[test]
-fn what_is_installed_is_found() {
+fn installed_models_are_found() {
     let (_folder, cache) = scratch();
     let source = Record::of("/home/ada/net.onnx", b"network");
     let model = cache
@@ -147,7 +147,7 @@ fn damage_is_reported() {
 }
 
 #[test]
-fn what_changes_after_looking_is_noticed() {
+fn files_changed_after_lookup_are_detected() {
     let (_folder, cache) = scratch();
     install(&cache, "net", b"network");
     let model = cache.find("net").unwrap().unwrap();
@@ -158,7 +158,7 @@ fn what_changes_after_looking_is_noticed() {
 }
 
 #[test]
-fn files_put_there_by_hand_are_models() {
+fn manually_placed_files_are_models() {
     let (_folder, cache) = scratch();
     std::fs::create_dir_all(cache.folder()).unwrap();
     std::fs::write(cache.onnx_path("own"), b"own").unwrap();
@@ -175,7 +175,7 @@ fn files_put_there_by_hand_are_models() {
 }
 
 #[test]
-fn files_of_others_are_reported() {
+fn foreign_files_are_reported() {
     let (_folder, cache) = scratch();
     install(&cache, "net", b"network");
     std::fs::create_dir(cache.folder().join("photos")).unwrap();
@@ -223,7 +223,7 @@ fn files_of_others_are_reported() {
 }
 
 #[test]
-fn named_ones_come_first_and_then_the_alphabet() {
+fn preferred_models_come_first_then_alphabetical_order() {
     let (_folder, cache) = scratch();
     let order = ["yolov7-tiny", "yolox-tiny", "yolox-nano"];
     let preferred = |cache: &Cache| cache.preferred(order).unwrap().unwrap().name;
@@ -245,7 +245,7 @@ fn named_ones_come_first_and_then_the_alphabet() {
 }
 
 #[test]
-fn what_is_in_the_way_is_reported() {
+fn file_in_place_of_the_cache_is_reported() {
     let (folder, cache) = scratch();
     std::fs::write(folder.path().join("cache"), b"a file").unwrap();
     let expected = folder.path().join("cache").display().to_string();
@@ -272,7 +272,7 @@ fn what_is_in_the_way_is_reported() {
 /// The superuser may write everywhere, so the test does nothing for it.
 #[cfg(unix)]
 #[test]
-fn a_folder_that_cannot_be_written_is_reported() {
+fn unwritable_folder_is_reported() {
     use std::os::unix::fs::PermissionsExt;
     let (_folder, cache) = scratch();
     install(&cache, "net", b"network");
@@ -297,7 +297,7 @@ fn a_folder_that_cannot_be_written_is_reported() {
 }
 
 #[test]
-fn installations_at_once_do_not_mix() {
+fn concurrent_installations_do_not_mix() {
     let (_folder, cache) = scratch();
     std::thread::scope(|scope| {
         for writer in 0..4_u8 {

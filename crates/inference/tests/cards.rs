@@ -8,7 +8,7 @@ use stillpoint_inference::{
 };
 
 #[test]
-fn cards_that_contradict_the_model_are_refused() {
+fn cards_contradicting_the_model_are_refused() {
     let model = anchors(&[1, 3, 64, 64]);
     let base = ModelCard::new(Head::YoloAnchors);
     let refuse = |card: &ModelCard| match with_card(&model, card, InputSize::Fit).unwrap_err() {
@@ -42,7 +42,7 @@ fn cards_that_contradict_the_model_are_refused() {
 
 /// Classes that the card omits are not detected; the others have the card's names.
 #[test]
-fn the_card_names_the_classes() {
+fn card_defines_the_classes() {
     let depth = 3 * 7;
     let graph = STRIDES
         .iter()
@@ -83,7 +83,7 @@ fn the_card_names_the_classes() {
 
 /// A classifier of six or seven classes is not a table of one box.
 #[test]
-fn classifiers_are_not_taken_for_detectors() {
+fn classifiers_are_not_recognised_as_detectors() {
     for columns in [6, 7] {
         let model = end_to_end(columns, &vec![1.0; columns]);
         let error = OnnxDetector::from_bytes(model, "m", &OnnxOptions::default()).unwrap_err();
@@ -106,7 +106,7 @@ fn end_to_end(columns: usize, table: &[f32]) -> Vec<u8> {
 }
 
 #[test]
-fn boxes_of_an_end_to_end_model_are_brought_to_the_image() {
+fn end_to_end_boxes_are_mapped_to_the_image() {
     let model = end_to_end(
         7,
         &[

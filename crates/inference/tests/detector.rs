@@ -23,7 +23,7 @@ fn frame(colour: Option<ColourImage>, width: usize, height: usize) -> RgbdFrame 
 }
 
 #[test]
-fn the_same_image_gives_the_same_bits_with_any_number_of_threads() {
+fn results_are_independent_of_the_number_of_threads() {
     let (Some(model), Some(picture)) = (
         shared("models/yolox_nano_416.onnx"),
         shared("images/zidane.jpg"),
@@ -47,7 +47,7 @@ fn the_same_image_gives_the_same_bits_with_any_number_of_threads() {
 }
 
 #[test]
-fn a_frame_is_distinguished_from_one_that_cannot_be_used() {
+fn unusable_frames_are_refused() {
     let Some(model) = shared("models/yolox_nano_416.onnx") else {
         return;
     };
@@ -81,7 +81,7 @@ fn a_frame_is_distinguished_from_one_that_cannot_be_used() {
 
 /// The message about an unknown model: its interface, the heads' expectations, and the remedy.
 #[test]
-fn other_models_are_refused_with_what_they_have() {
+fn unknown_models_are_refused_with_their_interface() {
     let mut graph = Graph::new(&[1, 3, 64, 64])
         .floats("weights", &[10, 3, 1, 1], &[0.0; 30])
         .input("weights", &[10, 3, 1, 1])
@@ -136,7 +136,7 @@ fn other_models_are_refused_with_what_they_have() {
 }
 
 #[test]
-fn bytes_that_are_no_model_are_refused() {
+fn invalid_model_bytes_are_refused() {
     let options = OnnxOptions::default();
     for bytes in [
         vec![],
@@ -154,7 +154,7 @@ fn bytes_that_are_no_model_are_refused() {
 }
 
 #[test]
-fn a_cut_model_is_refused() {
+fn truncated_model_is_refused() {
     let Some(path) = shared("models/yolox_nano_416.onnx") else {
         return;
     };
@@ -204,7 +204,7 @@ fn options_out_of_range_are_refused_by_name() {
 
 /// Summaries name the runtime with its version.
 #[test]
-fn the_runtime_is_the_one_that_is_locked() {
+fn reported_runtime_version_matches_the_lock_file() {
     let Some(model) = shared("models/yolox_nano_416.onnx") else {
         return;
     };

@@ -156,7 +156,7 @@ fn known(model: Vec<u8>) -> OnnxDetector {
 }
 
 #[test]
-fn scores_and_boxes_agree_with_their_formula() {
+fn detr_scores_and_boxes_match_the_formula() {
     let image = coloured(WIDTH, HEIGHT);
     for names in [["class", "pred_boxes"], ["a", "b"]] {
         let mut detector = known(raw(80, names));
@@ -168,7 +168,7 @@ fn scores_and_boxes_agree_with_their_formula() {
 
 /// RF-DETR: 91 classes, some of which are unused, and colours by ImageNet's statistics.
 #[test]
-fn numbers_of_annotations_bring_other_colours() {
+fn coco91_models_use_imagenet_normalisation() {
     let image = coloured(WIDTH, HEIGHT);
     let mut detector = known(raw(91, ["labels", "dets"]));
     let card = detector.card().clone();
@@ -187,7 +187,7 @@ fn numbers_of_annotations_bring_other_colours() {
 }
 
 #[test]
-fn labels_boxes_and_scores_for_a_size_agree_with_the_formula() {
+fn detr_labels_boxes_and_scores_match_the_formula() {
     let image = coloured(WIDTH, HEIGHT);
     let mut detector = known(picked(80));
     assert_eq!(detector.card(), &ModelCard::new(Head::Detr));
@@ -197,7 +197,7 @@ fn labels_boxes_and_scores_for_a_size_agree_with_the_formula() {
 
 /// Images are stretched to the input, whatever their aspect.
 #[test]
-fn boxes_are_shares_of_the_image() {
+fn detr_boxes_scale_with_a_stretched_image() {
     let image = ColourImage::from_vec(200, 90, [90, 140, 60].repeat(200 * 90)).unwrap();
     for model in [raw(80, ["class", "pred_boxes"]), picked(80)] {
         let mut detector = known(model);
@@ -209,7 +209,7 @@ fn boxes_are_shares_of_the_image() {
 }
 
 #[test]
-fn other_sizes_and_other_classes_are_refused() {
+fn unsupported_sizes_and_classes_are_refused() {
     let input = InputSize::Fixed {
         width: 32,
         height: 48,
@@ -245,7 +245,7 @@ fn other_sizes_and_other_classes_are_refused() {
 
 /// Boxes in px where fractions are expected, and an unknown input.
 #[test]
-fn other_units_and_other_inputs_are_refused() {
+fn wrong_units_and_unknown_inputs_are_refused() {
     let sizes = [64.0_f32, 48.0, 64.0, 48.0];
     let model = queries(&[1, 3, HEIGHT, WIDTH], 80)
         .floats("sizes", &[4], &sizes)
@@ -272,7 +272,7 @@ fn other_units_and_other_inputs_are_refused() {
 /// The size of the image becomes a constant of the graph, which ONNX Runtime accepts as well.
 #[cfg(feature = "onnxruntime")]
 #[test]
-fn both_runtimes_agree_with_the_formula() {
+fn detr_matches_the_formula_in_onnxruntime() {
     use stillpoint_inference::{OnnxRuntime, Runtime};
     let Some(file) = crate::runtimes::library() else {
         return;

@@ -80,7 +80,7 @@ const YOLOX: &str = "models/yolox_nano_416.onnx";
 const PICODET: &str = "models/picodet_s_416_coco.onnx";
 
 #[test]
-fn yolox_agrees_at_its_own_size() {
+fn yolox_matches_the_reference_at_its_own_size() {
     if let Some(detector) = detector(YOLOX, InputSize::Model) {
         assert_eq!(detector.card().head, Head::Yolox);
         agrees(detector, include_str!("golden/yolox_nano.csv"));
@@ -88,14 +88,14 @@ fn yolox_agrees_at_its_own_size() {
 }
 
 #[test]
-fn yolox_agrees_at_another_size() {
+fn yolox_matches_the_reference_at_another_size() {
     if let Some(detector) = detector(YOLOX, SMALL) {
         agrees(detector, include_str!("golden/yolox_nano_416x320.csv"));
     }
 }
 
 #[test]
-fn picodet_agrees_at_its_own_size() {
+fn picodet_matches_the_reference_at_its_own_size() {
     if let Some(detector) = detector(PICODET, InputSize::Model) {
         assert_eq!(detector.card().head, Head::Distribution);
         agrees(detector, include_str!("golden/picodet_s.csv"));
@@ -104,7 +104,7 @@ fn picodet_agrees_at_its_own_size() {
 
 /// Its graph holds the size in 20 constants, which are rewritten.
 #[test]
-fn picodet_agrees_at_another_size() {
+fn picodet_matches_the_reference_at_another_size() {
     if let Some(detector) = detector(PICODET, SMALL) {
         agrees(detector, include_str!("golden/picodet_s_416x320.csv"));
     }
@@ -112,7 +112,7 @@ fn picodet_agrees_at_another_size() {
 
 /// By default the input has the image's aspect: for 640x480 the size of the test above, for others another one.
 #[test]
-fn the_input_follows_the_images() {
+fn input_size_follows_the_image_aspect() {
     for model in [YOLOX, PICODET] {
         let (Some(mut fit), Some(mut fixed)) =
             (detector(model, InputSize::Fit), detector(model, SMALL))

@@ -73,7 +73,7 @@ fn agrees(found: &[Detection], expected: &[(usize, f64, [f64; 4])]) {
 }
 
 #[test]
-fn yolov7_on_random_weights_agrees_with_its_formula() {
+fn yolov7_with_random_weights_matches_the_formula() {
     let mut detector = yolov7(&anchors(&[1, 3, 64, 96]), InputSize::Model);
     assert_eq!(detector.card(), &ModelCard::new(Head::YoloAnchors));
     let image = coloured(96, 64);
@@ -83,7 +83,7 @@ fn yolov7_on_random_weights_agrees_with_its_formula() {
 
 /// The same file at other sizes than that of its export.
 #[test]
-fn a_graph_takes_the_size_of_the_image() {
+fn graph_adapts_to_the_image_size() {
     let model = anchors(&[1, 3, 96, 96]);
     let mut fit = yolov7(&model, InputSize::Fit);
     for (width, height) in [(96, 64), (64, 96), (96, 96), (96, 32), (96, 64)] {
@@ -110,7 +110,7 @@ fn a_graph_takes_the_size_of_the_image() {
 }
 
 #[test]
-fn sizes_that_no_cell_fits_are_refused() {
+fn sizes_not_divisible_into_cells_are_refused() {
     for (width, height) in [(100, 96), (0, 32), (8192, 32)] {
         let input = InputSize::Fixed { width, height };
         let model = anchors(&[1, 3, 96, 96]);
@@ -123,7 +123,7 @@ fn sizes_that_no_cell_fits_are_refused() {
 
 /// A model that leaves its size free has the one of its card.
 #[test]
-fn a_free_size_comes_from_the_card() {
+fn free_input_size_comes_from_the_card() {
     let model = anchors(&[0, 3, 0, 0]);
     let mut card = ModelCard::new(Head::YoloAnchors);
     card.input.size = Some([96, 64]);
@@ -138,7 +138,7 @@ fn a_free_size_comes_from_the_card() {
 
 /// Shapes do not depend on the anchors, so a card is required.
 #[test]
-fn raw_maps_without_a_card_are_refused_with_the_usual_anchors() {
+fn raw_maps_without_a_card_are_refused_with_example_cards() {
     for shape in [&[1, 3, 64, 96], &[0, 3, 0, 0]] {
         let error = OnnxDetector::from_bytes(anchors(shape), "m.onnx", &options(InputSize::Fit));
         let error = error.unwrap_err();
@@ -161,7 +161,7 @@ fn raw_maps_without_a_card_are_refused_with_the_usual_anchors() {
 
 /// Three rows per cell in fractions of the input, as some exporters write them: nothing would be detected.
 #[test]
-fn rows_in_shares_of_the_input_are_refused() {
+fn rows_in_fractions_of_the_input_are_refused() {
     let shares = rows(&[1, 3, 32, 64], |graph, rows| {
         graph
             .node("Concat", &[rows; 3], &["all3"], &[int("axis", 1)])
@@ -180,7 +180,7 @@ fn rows_in_shares_of_the_input_are_refused() {
 }
 
 #[test]
-fn outputs_that_are_too_large_are_refused_before_they_are_made() {
+fn oversized_outputs_are_refused_before_allocation() {
     let huge = maps(&[1, 3, 64, 64], 255).output("map8", Some(&[1, 1 << 20, 1 << 20]));
     let error = OnnxDetector::from_bytes(huge.model(), "m", &options(InputSize::Fit)).unwrap_err();
     assert!(error.to_string().contains("67 million numbers"), "{error}");
@@ -207,7 +207,7 @@ fn rows(shape: &[usize], then: impl Fn(Graph, &str) -> Graph) -> Vec<u8> {
 }
 
 #[test]
-fn a_graph_that_allows_no_other_size_runs_at_its_own_and_says_so() {
+fn fixed_size_graph_runs_at_its_own_size_with_a_remark() {
     let model = rows(&[1, 3, 64, 64], |graph, rows| {
         graph.output(rows, Some(&[1, 84, 85]))
     });
@@ -239,7 +239,7 @@ fn a_graph_that_allows_no_other_size_runs_at_its_own_and_says_so() {
 
 /// Cell coordinates in the graph would be wrong for another size with the same number of cells.
 #[test]
-fn decoded_boxes_are_recognised_and_held_against_their_cells() {
+fn decoded_boxes_are_checked_against_their_cells() {
     let mut grid = Vec::new();
     for stride in STRIDES {
         for (y, x) in (0..32 / stride).flat_map(|y| (0..64 / stride).map(move |x| (y, x))) {
@@ -286,7 +286,7 @@ fn decoded_boxes_are_recognised_and_held_against_their_cells() {
 /// The maximum number of nodes, in one chain: a thread's stack of two megabytes, as a test's and a detector's have, suffices to prepare and
 /// run them.
 #[test]
-fn the_longest_chain_that_is_taken_runs() {
+fn longest_accepted_chain_runs() {
     let name = |i: usize| {
         if i == 0 {
             "map8".to_owned()

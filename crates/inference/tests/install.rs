@@ -9,7 +9,7 @@ fn scratch() -> (tempfile::TempDir, Cache) {
 }
 
 #[test]
-fn a_failed_installation_leaves_the_older_model() {
+fn failed_installation_keeps_the_older_model() {
     let (_folder, cache) = scratch();
     cache
         .install("net", b"network", None, Record::default())
@@ -31,7 +31,7 @@ fn a_failed_installation_leaves_the_older_model() {
 }
 
 #[test]
-fn folders_in_the_way_are_noticed_before_anything_is_replaced() {
+fn blocking_folders_are_detected_before_replacing() {
     let (_folder, cache) = scratch();
     cache
         .install("net", b"network", None, Record::default())
@@ -59,7 +59,7 @@ fn folders_in_the_way_are_noticed_before_anything_is_replaced() {
 }
 
 #[test]
-fn what_could_not_be_read_again_is_not_installed() {
+fn oversized_model_is_not_installed() {
     let (folder, cache) = scratch();
     // Untouched zeros take no memory.
     let huge = vec![0; usize::try_from(LARGEST).unwrap() + 1];
@@ -71,7 +71,7 @@ fn what_could_not_be_read_again_is_not_installed() {
 }
 
 #[test]
-fn a_model_may_be_called_install() {
+fn model_may_be_named_install() {
     let (_folder, cache) = scratch();
     let model = cache
         .install("install", b"network", None, Record::default())

@@ -38,7 +38,7 @@ fn found(model: &str, runtime: &Runtime, threads: usize) -> Option<(Vec<Detectio
 }
 
 #[test]
-fn both_runtimes_find_the_same() {
+fn both_runtimes_give_the_same_detections() {
     let Some(file) = library() else { return };
     let library = OnnxRuntime::load(&file).unwrap();
     let runtime = Runtime::OnnxRuntime(library.clone());
@@ -91,7 +91,7 @@ fn refusal(file: &Path) -> RuntimeError {
 }
 
 #[test]
-fn what_is_no_file_is_refused() {
+fn missing_library_file_is_refused() {
     let folder = scratch("no_file");
     for path in [folder.join("missing.so"), folder.clone()] {
         assert_eq!(refusal(&path), RuntimeError::Missing { library: path });
@@ -101,7 +101,7 @@ fn what_is_no_file_is_refused() {
 /// A pipe without a writer must not block.
 #[cfg(unix)]
 #[test]
-fn what_is_no_regular_file_is_refused() {
+fn non_regular_library_file_is_refused() {
     let null = PathBuf::from("/dev/null");
     assert_eq!(refusal(&null), RuntimeError::Missing { library: null });
     let pipe = scratch("pipe").join("pipe.so");
@@ -112,7 +112,7 @@ fn what_is_no_regular_file_is_refused() {
 }
 
 #[test]
-fn what_is_no_library_is_refused() {
+fn non_library_file_is_refused() {
     let folder = scratch("no_library");
     let text = "a page that says: not found\n".repeat(100);
     // Only the head of a library.
@@ -133,7 +133,7 @@ fn what_is_no_library_is_refused() {
 /// system maps it, which would end the process.
 #[cfg(target_os = "linux")]
 #[test]
-fn what_was_cut_is_refused() {
+fn truncated_library_is_refused() {
     let bytes = std::fs::read(std::env::current_exe().unwrap()).unwrap();
     let file = scratch("cut").join("cut.so");
     for part in [1, 10, 50, 90, 99] {
@@ -153,7 +153,7 @@ fn what_was_cut_is_refused() {
 /// A library of the system that every program on Linux uses.
 #[cfg(target_os = "linux")]
 #[test]
-fn another_library_is_refused() {
+fn unrelated_library_is_refused() {
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
     let library = maps
         .split_whitespace()
@@ -167,7 +167,7 @@ fn another_library_is_refused() {
 }
 
 #[test]
-fn one_library_serves_the_process_and_another_is_refused() {
+fn process_uses_one_library_and_refuses_another() {
     let Some(file) = library() else { return };
     let first = OnnxRuntime::load(&file).unwrap();
     assert!(first.version().starts_with("1."), "{}", first.version());

@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_gives_way_at_once_and_comes_back_slowly() {
+    fn backoff_rises_at_once_and_falls_slowly() {
         let mut backoff = Backoff::default();
         let rarer = [false, true, false, true, true].map(|dropped| backoff.observe(dropped));
         assert_eq!(rarer, [1, 2, 2, 4, MOST_RARELY]);
@@ -50,7 +50,7 @@ mod tests {
     }
 
     #[test]
-    fn where_there_is_never_time_for_everything_one_frame_in_many_is_dropped() {
+    fn persistent_overload_drops_few_frames() {
         let mut backoff = Backoff::default();
         let (mut rarer, mut drops) = (1, 0);
         for _ in 0..100 * CALM {

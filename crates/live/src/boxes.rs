@@ -284,7 +284,7 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
 
     #[test]
-    fn a_detector_rests_for_the_time_it_is_given() {
+    fn detector_rests_for_its_backoff_time() {
         let start = Instant::now();
         let mut shown = DetectionBox::default();
         // The first frame need not wait, nor does any with enough time.

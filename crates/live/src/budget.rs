@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn fast_machines_do_all_and_slow_ones_what_fits() {
+    fn budget_keeps_full_effort_if_fast_and_reduces_if_slow() {
         let mut budget = Budget::new(0.010, 1000);
         assert_eq!(settle(&mut budget, 0.002, 1e-6), (1000, 1));
         let (features, rarer) = settle(&mut budget, 0.004, 12e-6);
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn one_slow_frame_decides_nothing() {
+    fn single_slow_frame_does_not_change_the_budget() {
         let mut budget = Budget::new(0.010, 1000);
         for i in 0..10 * ROUND {
             let took = if i % ROUND == 3 { 1.0 } else { 0.009 };
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn fewer_keypoints_than_the_least_are_left_alone() {
+    fn keypoints_below_the_minimum_are_not_reduced() {
         let mut budget = Budget::new(0.001, 200);
         assert_eq!(settle(&mut budget, 0.004, 12e-6).0, 200);
     }

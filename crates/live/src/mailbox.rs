@@ -138,7 +138,7 @@ mod tests {
     type Queue = Mailbox<VecDeque<u32>>;
 
     #[test]
-    fn what_is_in_a_closed_box_can_be_taken_and_nothing_goes_in() {
+    fn closed_mailbox_can_be_emptied_but_not_filled() {
         let mailbox = Queue::default();
         assert_eq!(mailbox.put(|q| q.push_back(1)), Some(()));
         mailbox.close();
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn all_that_is_put_is_taken_in_order_and_never_more_than_there_is_room() {
+    fn mailbox_is_ordered_and_bounded() {
         let mailbox = Arc::new(Queue::default());
         let sender = std::thread::spawn({
             let mailbox = Arc::clone(&mailbox);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn closing_wakes_whoever_waits_for_room() {
+    fn closing_wakes_waiting_senders() {
         let mailbox = Arc::new(Queue::default());
         let waiting = std::thread::spawn({
             let mailbox = Arc::clone(&mailbox);

@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_arrive_at_their_stamps_and_jumps_are_not_waited_for() {
+    fn frames_arrive_at_their_stamps_without_waiting_for_jumps() {
         let mut clock = Clock {
             anchor: None,
             last: f64::NAN,

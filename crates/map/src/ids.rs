@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_landmark_or_none_takes_four_bytes() {
+    fn optional_landmark_id_takes_four_bytes() {
         assert_eq!(size_of::<Option<LandmarkId>>(), 4);
         for number in [0, 1, 7, u32::MAX - 1] {
             assert_eq!(LandmarkId::new(number).number(), number);

@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn keyframes_go_and_what_others_see_is_put_where_these_see_it() {
+    fn revoking_moves_landmarks_to_remaining_observers() {
         let (mut map, landmarks) = map(5);
         assert_eq!(map.revoke(|k| k.id.0 < 3, KeyframeId(3)), 3);
         assert_eq!(map.check(), Ok(()));
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_goes_without_one_that_stays() {
+    fn revoking_needs_a_keyframe_that_stays() {
         let (mut map, _) = map(3);
         let before = map.view().keyframe_count();
         assert_eq!(map.revoke(|_| true, KeyframeId(9)), 0);
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_copy_of_a_view_is_a_map_of_its_own() {
+    fn map_copied_from_a_view_is_independent() {
         let (mut original, landmarks) = map(4);
         let view = original.publish();
         let mut copy = Map::from_view(&view, 8, 1.2);

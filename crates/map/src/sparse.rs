@@ -207,7 +207,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_holds_what_a_tree_holds_and_copies_do_not_change(acts in prop::collection::vec(act(), 1..200)) {
+        fn sparse_array_matches_a_btree_map_and_copies_are_fixed(acts in prop::collection::vec(act(), 1..200)) {
             let (mut sparse, mut tree, mut len) = (Sparse::default(), BTreeMap::new(), 0);
             let mut copies = Vec::new();
             for act in acts {
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_gone_leaves_its_memory() {
+    fn removed_entries_free_their_memory() {
         let mut sparse = Sparse::default();
         let count = 100 * CHUNK;
         (0..count).for_each(|i| sparse.set(i, [i; 3]));

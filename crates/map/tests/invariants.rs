@@ -169,7 +169,7 @@ fn observed(map: &Map) -> Model {
 
 proptest! {
     #[test]
-    fn invariants_hold_and_the_model_agrees(changes in prop::collection::vec(change(), 1..80)) {
+    fn random_changes_keep_invariants_and_match_the_model(changes in prop::collection::vec(change(), 1..80)) {
         let mut map = Map::new(8, 1.2);
         let (mut model, mut next) = (Model::new(), 0);
         for c in &changes {
@@ -180,7 +180,7 @@ proptest! {
     }
 
     #[test]
-    fn a_published_view_never_changes(changes in prop::collection::vec(change(), 2..60), cut in 1usize..40) {
+    fn published_view_never_changes(changes in prop::collection::vec(change(), 2..60), cut in 1usize..40) {
         let mut map = Map::new(8, 1.2);
         let (mut model, mut next) = (Model::new(), 0);
         let cut = cut.min(changes.len() - 1);
@@ -215,7 +215,7 @@ fn landmarks_move_with_their_anchor() {
 }
 
 #[test]
-fn disowned_features_leave_the_map_for_good() {
+fn disowned_features_stay_unmapped() {
     let mut map = Map::new(8, 1.2);
     for k in 0..2u32 {
         let parent = k.checked_sub(1).map(KeyframeId);

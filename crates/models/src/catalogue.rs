@@ -113,7 +113,7 @@ mod tests {
     use stillpoint_inference::{Cache, sha256_hex};
 
     #[test]
-    fn entries_are_sound() {
+    fn catalogue_entries_are_valid() {
         for model in known_models() {
             assert_eq!(known(model.name), Some(model), "names are unique");
             stillpoint_inference::check_name(model.name).unwrap();
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn the_licence_is_on_record_or_that_of_the_known_file() {
+    fn licence_comes_from_the_record_or_the_known_file() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::at(folder.path());
         let nano = known("yolox-nano").unwrap();

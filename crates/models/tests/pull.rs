@@ -10,7 +10,7 @@ use stillpoint_models::{
 };
 
 #[test]
-fn a_model_arrives_and_is_not_fetched_twice() {
+fn model_is_downloaded_only_once() {
     let bytes = made_up_bytes();
     let (server, scratch, model) = (Server::of(bytes), Scratch::new(), model(bytes));
     let (pulled, seen) = watch(&model, &scratch.cache, &options(&server));
@@ -96,7 +96,7 @@ fn broken_off(
 }
 
 #[test]
-fn what_broke_off_is_resumed() {
+fn interrupted_download_is_resumed() {
     let bytes = made_up_bytes();
     for (headers, validator) in [
         ("ETag: \"v1\"\r\n", Some("\"v1\"")),
@@ -133,7 +133,7 @@ fn what_broke_off_is_resumed() {
 }
 
 #[test]
-fn what_cannot_be_resumed_starts_over() {
+fn unresumable_download_starts_over() {
     let bytes = made_up_bytes();
     let tag = "ETag: \"v1\"\r\n";
     let last = bytes.len() - 1;
@@ -181,7 +181,7 @@ fn what_cannot_be_resumed_starts_over() {
 }
 
 #[test]
-fn a_part_of_something_else_is_not_used() {
+fn foreign_part_file_is_not_used() {
     let bytes = made_up_bytes();
     for (part, origin) in [
         (&bytes[..9], None),
@@ -216,7 +216,7 @@ fn a_part_of_something_else_is_not_used() {
 }
 
 #[test]
-fn a_whole_part_needs_no_server() {
+fn complete_part_file_needs_no_server() {
     let bytes = made_up_bytes();
     let (scratch, model) = (Scratch::with_older(), model(bytes));
     let server = Server::start(|_, _, stream| reply(stream, "500 No", "", b""));
@@ -242,7 +242,7 @@ fn a_whole_part_needs_no_server() {
 }
 
 #[test]
-fn stopping_keeps_what_came() {
+fn stopping_keeps_the_partial_download() {
     let bytes = made_up_bytes();
     let (server, scratch, model) = (Server::of(bytes), Scratch::with_older(), model(bytes));
     let e = pull(
@@ -277,7 +277,7 @@ fn stopping_keeps_what_came() {
 }
 
 #[test]
-fn two_at_once_do_not_mix() {
+fn concurrent_downloads_do_not_mix() {
     let bytes = made_up_bytes();
     let (server, scratch, model) = (Server::of(bytes), Scratch::new(), model(bytes));
     let (inside, is_inside) = mpsc::channel();
@@ -312,7 +312,7 @@ fn two_at_once_do_not_mix() {
 }
 
 #[test]
-fn names_and_folders_are_checked_first() {
+fn names_and_folders_are_checked_before_download() {
     let bytes = made_up_bytes();
     let server = Server::of(bytes);
     for name in ["../made-up", "a/b", "", "nul"] {
@@ -344,7 +344,7 @@ fn names_and_folders_are_checked_first() {
 }
 
 #[test]
-fn known_models_are_asked_for_at_a_mirror() {
+fn known_models_are_requested_from_a_mirror() {
     let scratch = Scratch::new();
     let server = Server::start(|_, _, stream| reply(stream, "404 Not Found", "", b""));
     let nano = known("yolox-nano").unwrap();

@@ -18,7 +18,7 @@ fn checkpoint() -> KnownModel {
 }
 
 #[test]
-fn a_checkpoint_becomes_a_detector() {
+fn pulled_checkpoint_becomes_a_detector() {
     let (server, scratch) = (Server::of(CHECKPOINT), Scratch::new());
     let pulled = get(&checkpoint(), &scratch.cache, &server).unwrap();
     assert_eq!(pulled.checksum, Checksum::Recorded);
@@ -46,7 +46,7 @@ fn a_checkpoint_becomes_a_detector() {
 }
 
 #[test]
-fn a_damaged_checkpoint_is_refused() {
+fn damaged_checkpoint_is_refused() {
     let mut damaged = CHECKPOINT.to_vec();
     let middle = damaged.len() / 2;
     damaged[middle] ^= 0x55;

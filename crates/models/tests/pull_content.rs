@@ -6,7 +6,7 @@ use stillpoint_inference::sha256_hex;
 use stillpoint_models::{Checksum, FetchError, KnownModel, PullError, PullOptions};
 
 #[test]
-fn lengths_are_not_believed() {
+fn stated_lengths_are_verified() {
     let bytes = made_up_bytes();
     let model = model(bytes);
     // More or less than was published, with a correct length.
@@ -80,7 +80,7 @@ fn lengths_are_not_believed() {
 }
 
 #[test]
-fn other_files_are_refused() {
+fn wrong_files_are_refused() {
     let bytes = made_up_bytes();
     let mut wrong = bytes.to_vec();
     wrong[199_999] ^= 1;
@@ -125,7 +125,7 @@ fn other_files_are_refused() {
 }
 
 #[test]
-fn the_first_download_is_recorded_where_no_checksum_is_known() {
+fn first_download_without_a_known_checksum_is_recorded() {
     let scratch = Scratch::new();
     let server = Server::start(|number, r, stream| match number {
         0 | 1 => serve(b"model", "\"v1\"", r, stream),
@@ -185,7 +185,7 @@ fn the_first_download_is_recorded_where_no_checksum_is_known() {
 
 /// Without a validator and without a checksum, a change of the file in between would go unnoticed.
 #[test]
-fn parts_that_nothing_vouches_for_are_not_resumed() {
+fn parts_without_validator_or_checksum_are_not_resumed() {
     let bytes = made_up_bytes();
     for (headers, start) in [("", None), ("ETag: \"v1\"\r\n", Some(1000))] {
         let (result, scratch, server) = fetch(&unknown(), move |number, r, stream| match number {
@@ -206,7 +206,7 @@ fn parts_that_nothing_vouches_for_are_not_resumed() {
 }
 
 #[test]
-fn another_model_of_the_name_is_not_replaced_unasked() {
+fn other_model_of_the_same_name_is_not_replaced_unasked() {
     let server = Server::of(b"model");
     for known in [model(b"model"), unknown()] {
         let scratch = Scratch::with_older();

@@ -8,7 +8,7 @@ use std::time::Duration;
 use stillpoint_models::{FetchError, PullError, PullOptions};
 
 #[test]
-fn statuses_are_reported() {
+fn http_error_statuses_are_reported() {
     let model = model(b"model");
     for (status, part) in [
         ("404 Not Found", "404 (not found); look for a newer version"),
@@ -74,7 +74,7 @@ fn redirects_are_followed() {
 }
 
 #[test]
-fn odd_redirects_are_refused() {
+fn unsafe_redirects_are_refused() {
     let model = model(b"model");
     for (location, part) in [
         ("Location: /again\r\n", "more than 5"),
@@ -112,7 +112,7 @@ fn odd_redirects_are_refused() {
 }
 
 #[test]
-fn silence_ends() {
+fn silent_server_times_out() {
     let bytes = made_up_bytes();
     let model = model(bytes);
     let limit = Duration::from_millis(700);
@@ -142,7 +142,7 @@ fn silence_ends() {
 
 /// A slow connection is not a broken one: each wait is limited, the total is not.
 #[test]
-fn slowness_is_borne() {
+fn slow_server_is_tolerated() {
     let limit = Duration::from_secs(2);
     let (result, _scratch, _server) = fetch_within(limit, &model(b"slowly"), |_, _, stream| {
         send(stream, b"HTTP/1.1 200 OK\r\nContent-Length: 6\r\n\r\n");
@@ -155,7 +155,7 @@ fn slowness_is_borne() {
 }
 
 #[test]
-fn no_server_is_reported() {
+fn unreachable_server_is_reported() {
     let (scratch, model) = (Scratch::with_older(), model(b"model"));
     let port = TcpListener::bind("127.0.0.1:0")
         .unwrap()
@@ -205,7 +205,7 @@ fn no_server_is_reported() {
 }
 
 #[test]
-fn what_is_not_http_is_reported() {
+fn invalid_http_responses_are_reported() {
     for answer in [
         "",
         "\r\n\r\n",

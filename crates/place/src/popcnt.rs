@@ -50,7 +50,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn kernels_equal_their_portable_twins(
+        fn popcnt_kernels_match_the_portable_ones(
             a in proptest::collection::vec(proptest::array::uniform4(any::<u64>()), 0..80),
             b in proptest::collection::vec(proptest::array::uniform4(any::<u64>()), 0..80),
         ) {

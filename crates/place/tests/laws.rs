@@ -43,7 +43,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn a_keyframe_finds_itself(images in images(1..12)) {
+    fn keyframe_matches_itself_best(images in images(1..12)) {
         let vectors = vectors(&images);
         let index = index(&vectors);
         prop_assert_eq!(index.len(), images.len());
@@ -55,7 +55,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_removed_is_not_found(images in images(2..12), at in any::<prop::sample::Index>()) {
+    fn removed_keyframe_is_not_found(images in images(2..12), at in any::<prop::sample::Index>()) {
         let vectors = vectors(&images);
         let mut index = index(&vectors);
         let view = index.clone();
@@ -71,7 +71,7 @@ proptest! {
     }
 
     #[test]
-    fn the_order_of_changes_does_not_matter(
+    fn insertion_order_does_not_matter(
         images in images(2..12),
         order in Just((0..12).collect::<Vec<usize>>()).prop_shuffle(),
         detour in any::<prop::sample::Index>(),
@@ -91,7 +91,7 @@ proptest! {
     }
 
     #[test]
-    fn answers_are_sorted_admitted_and_at_most_as_many_as_asked_for(
+    fn results_are_sorted_filtered_and_limited(
         images in images(1..20),
         limit in 0..25_usize,
         odd in 0..2_usize,
@@ -112,7 +112,7 @@ proptest! {
     }
 
     #[test]
-    fn likeness_is_mutual(images in images(2..3)) {
+    fn scores_and_pairs_are_symmetric(images in images(2..3)) {
         let vectors = vectors(&images);
         let (a, b) = (&vectors[0], &vectors[1]);
         prop_assert_eq!(a.score(b), b.score(a));
@@ -128,7 +128,7 @@ proptest! {
     }
 
     #[test]
-    fn a_pair_has_features_that_were_let_in_and_each_once(images in images(2..3)) {
+    fn candidate_pairs_use_admitted_features_once(images in images(2..3)) {
         let vocabulary = Vocabulary::embedded();
         let a = vocabulary.vector_of(&std::sync::Arc::new(images[0].clone()), |i| i % 3 != 0);
         let b = vocabulary.vector(&images[1]);
@@ -149,13 +149,13 @@ proptest! {
     }
 
     #[test]
-    fn vectors_follow_from_descriptors_alone(images in images(1..4)) {
+    fn vectors_are_deterministic(images in images(1..4)) {
         prop_assert_eq!(vectors(&images), vectors(&images));
     }
 }
 
 #[test]
-fn nothing_is_like_nothing() {
+fn empty_vectors_match_nothing() {
     let vocabulary = Vocabulary::embedded();
     let (nothing, something) = (
         vocabulary.vector(&[]),
@@ -179,7 +179,7 @@ fn nothing_is_like_nothing() {
 }
 
 #[test]
-fn a_key_is_inserted_again_with_what_is_new() {
+fn reinserting_a_key_replaces_its_vector() {
     let vocabulary = Vocabulary::embedded();
     let vector =
         |seed: u64| Arc::new(vocabulary.vector(&[Descriptor([seed, !seed, seed << 7, 99])]));
@@ -192,7 +192,7 @@ fn a_key_is_inserted_again_with_what_is_new() {
 
 /// Features beyond index 65535 cannot be numbered; they must be ignored.
 #[test]
-fn features_beyond_the_numbers_are_left_out() {
+fn features_beyond_index_65535_are_ignored() {
     let many: Vec<Descriptor> = (0..65_600_u64)
         .map(|i| {
             Descriptor([

@@ -21,7 +21,7 @@ use stillpoint_simulator::{Simulator, SimulatorConfig};
 /// A walk through two rooms returns to its start: its last images must find the first ones among images of the rest of
 /// the way, which show the same chairs, shelves and posters at other places.
 #[test]
-fn a_walk_recognises_where_it_began() {
+fn loop_walk_recognises_its_start() {
     let sim = Simulator::new(&SimulatorConfig {
         scene: "loop_two_rooms".to_owned(),
         ..SimulatorConfig::default()
@@ -67,7 +67,7 @@ fn vectors(keyframes: &[Keyframe]) -> Vec<Arc<PlaceVector>> {
 
 /// A kitchen that is not in the training data of the vocabulary.
 #[test]
-fn a_kitchen_is_recognised() {
+fn kitchen_revisits_are_recognised() {
     let Some(folder) = stillpoint_testdata::recording("kitchen") else {
         return;
     };

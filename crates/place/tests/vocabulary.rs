@@ -9,7 +9,7 @@ fn embedded() -> &'static [u8] {
 }
 
 #[test]
-fn the_embedded_one_is_what_its_file_says_and_small() {
+fn embedded_vocabulary_matches_its_file_and_is_small() {
     assert_eq!(
         Vocabulary::from_bytes(embedded()),
         Ok(Vocabulary::embedded())
@@ -20,7 +20,7 @@ fn the_embedded_one_is_what_its_file_says_and_small() {
 
 /// A small tree of two levels: descent to the nearest child, the first one on ties.
 #[test]
-fn a_word_is_at_the_end_of_the_nearest_children() {
+fn word_is_found_by_descending_to_nearest_children() {
     let centre = |bits: u64| Descriptor([bits, 0, 0, 0]);
     let mut bytes = b"SPWT\x01\x02\x02\x01".to_vec();
     for c in [
@@ -42,7 +42,7 @@ fn a_word_is_at_the_end_of_the_nearest_children() {
 
 /// A change of these changes all place vectors, and the results on saved maps.
 #[test]
-fn words_of_the_embedded_one() {
+fn embedded_vocabulary_gives_reference_words() {
     let descriptors: Vec<Descriptor> = (1..=8_u64)
         .map(|i| {
             Descriptor(std::array::from_fn(|k| {
@@ -55,7 +55,7 @@ fn words_of_the_embedded_one() {
 }
 
 #[test]
-fn what_is_wrong_is_said() {
+fn invalid_vocabularies_are_reported() {
     let check = |bytes: &[u8], expected: VocabularyError, text: &str| {
         let error = Vocabulary::from_bytes(bytes).unwrap_err();
         assert_eq!(error, expected);
@@ -108,7 +108,7 @@ proptest! {
 
     /// Whatever a file of the right length contains, words must be in range and scores must be shares.
     #[test]
-    fn changed_bytes_give_an_error_or_a_tree(
+    fn changed_bytes_give_an_error_or_a_valid_tree(
         changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..200),
         seen in proptest::collection::vec(proptest::array::uniform4(any::<u64>()), 1..40),
     ) {

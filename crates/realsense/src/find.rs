@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_variable_comes_first_and_alone() {
+    fn named_library_is_the_only_candidate() {
         let root = tempfile::tempdir().unwrap();
         let make = |path: &str| {
             let file = root.path().join(path);

@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn rates_get_the_force_between_two() {
+    fn forces_are_interpolated_to_the_rates() {
         let mut joined = Joined::default();
         joined.take(motion(false, 0, 1.0));
         for k in 0..4 {
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn without_an_accelerometer_rates_are_not_kept_back_for_long() {
+    fn rates_are_released_without_an_accelerometer() {
         let mut joined = Joined::default();
         for k in 0..40 {
             joined.take(motion(true, 2500 * k, 0.5));
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_late_is_left_out() {
+    fn late_samples_are_dropped() {
         let mut joined = Joined::default();
         for stamp in [5000, 5000, 2500, 7500] {
             joined.take(motion(true, stamp, 0.5));

@@ -203,7 +203,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_that_come_again_are_no_news() {
+    fn repeated_images_are_not_new_frames() {
         let last = Some((100_000, 104_000));
         assert!(is_news(None, (100_000, 104_000)));
         assert!(is_news(last, (133_333, 137_000)));
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_are_those_of_a_recording() {
+    fn stamps_equal_those_of_a_recording() {
         assert_eq!(seconds(1_533_333), 1.0 + 533_333_000.0 / 1e9);
         assert_eq!(seconds(-500_000), -0.5);
     }

@@ -36,7 +36,7 @@ impl FrameSource for Boxed {
 
 /// With `STILLPOINT_REALSENSE_INERTIAL`, a recording that `tools/recordings/software_realsense.py` made of `stillpoint simulate --imu`.
 #[test]
-fn gyroscope_and_accelerometer_come_between_the_frames() {
+fn inertial_samples_come_between_the_frames() {
     let Some(path) = std::env::var_os("STILLPOINT_REALSENSE_INERTIAL") else {
         stillpoint_testdata::skipped(
             "STILLPOINT_REALSENSE_INERTIAL names no recording with an inertial sensor",
@@ -80,7 +80,7 @@ fn gyroscope_and_accelerometer_come_between_the_frames() {
 }
 
 #[test]
-fn a_recorded_camera_gives_what_its_file_holds() {
+fn recorded_camera_gives_the_file_content() {
     let Some(path) = stillpoint_testdata::beside("data/recordings/d435_640x480.bag") else {
         return;
     };

@@ -154,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_unpacks_far_is_bounded_and_what_does_not_never_is() {
+    fn only_high_compression_ratios_are_limited() {
         let mut unpacking = Unpacking::default();
         for _ in 0..1000 {
             // A gigabyte of 20 MB each, as often as in a recording of hours.
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn remarks_are_counted_beyond_some_number() {
+    fn excess_remarks_are_only_counted() {
         let mut remarks = Remarks::default();
         for i in 0..1_000_000 {
             remarks.add(|| format!("topic {i}\nerror: forged"));

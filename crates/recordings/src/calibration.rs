@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn binning_and_regions_are_those_of_image_geometry() {
+    fn binning_and_regions_follow_rep_104() {
         let k = |info: &CameraInfo<'_>, size| of(info, size).map(|c| c.optics.k);
         assert_eq!(
             k(&info([0; 4], 0), (640, 480)),
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_said_or_refused() {
+    fn mismatched_calibrations_are_reported_or_refused() {
         // Images of the whole size despite a binning.
         let whole = of(&info([0; 4], 2), (640, 480)).unwrap();
         assert_eq!(whole.optics.k[0], 520.0);
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_matrix_is_taken_from_the_projection() {
+    fn empty_camera_matrix_is_taken_from_the_projection() {
         let mut empty = info([0; 4], 0);
         (empty.p[0], empty.p[5], empty.p[2], empty.p[6]) = (510.0, 511.0, 318.0, 241.0);
         let own = of(&empty, (640, 480)).unwrap();
@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_are_named_with_what_they_can_be() {
+    fn invalid_calibrations_are_reported_with_valid_ranges() {
         let mut bad = info([0; 4], 0);
         bad.k[2] = 0.0;
         let refused = of(&bad, (640, 480)).unwrap_err();

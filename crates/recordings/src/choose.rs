@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn drivers_of_the_field_are_understood() {
+    fn topics_of_common_drivers_are_chosen() {
         let none = Named::default();
         // realsense-ros: aligned before raw depth, colour before infrared, raw before compressed.
         let realsense = [
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_encoded_like_depth_has_to_be_named() {
+    fn images_encoded_like_depth_must_be_named() {
         for topic in [
             "/zed/confidence/confidence_map",
             "/infra1/image_raw",
@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_said() {
+    fn missing_topics_are_reported() {
         let refused = chosen(&[("/a", "rgb8", "")], Named::default()).unwrap_err();
         assert!(
             refused.contains("a topic of depth images") && refused.contains("/a (rgb8"),

@@ -47,7 +47,7 @@ fn setup(probe: &Probe, path: &std::path::Path) -> (crate::choose::Pair, Optics,
 }
 
 #[test]
-fn camera_unit_and_extrinsics_are_read() {
+fn d435_camera_depth_unit_and_extrinsics_are_read() {
     let endings = if cfg!(feature = "sqlite") {
         &["bag", "db3"][..]
     } else {
@@ -100,7 +100,7 @@ fn camera_unit_and_extrinsics_are_read() {
 
 #[cfg(feature = "sqlite")]
 #[test]
-fn both_formats_give_the_same_images() {
+fn both_librealsense_formats_give_the_same_images() {
     let Some(((path, mut bag, bag_probe), (_, mut base, base_probe))) =
         opened("bag").zip(opened("db3"))
     else {
@@ -130,7 +130,7 @@ fn both_formats_give_the_same_images() {
 /// Compares with `rs.align`: `tests/golden/README.md`. That keeps depth along the depth camera's axis; here depth is along the colour
 /// camera's, so its values are converted first.
 #[test]
-fn registration_is_that_of_librealsense() {
+fn registration_matches_librealsense() {
     let Some((path, mut recording, probe)) = opened("bag") else {
         return;
     };

@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_tell_depth_from_what_is_encoded_alike() {
+    fn topic_names_identify_depth() {
         for topic in [
             "/camera/depth/image_rect_raw",
             "/camera/aligned_depth_to_infra1/image_raw",

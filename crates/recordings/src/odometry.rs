@@ -300,7 +300,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn covariances_that_state_nothing_are_left_out() {
+    fn unset_covariances_are_ignored() {
         let of = |x: f64, y: f64, yaw: f64| {
             let mut all = [0.0; 36];
             (all[0], all[7], all[35]) = (x, y, yaw);
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn names_tell_what_is_not_of_wheels() {
+    fn names_exclude_odometry_not_from_wheels() {
         let topic = |name: &str, base: &str| Topic {
             channel: 0,
             name: name.into(),

@@ -263,7 +263,7 @@ mod tests {
     const FISHEYE: [f64; 4] = [-0.02, 0.01, -0.008, 0.002];
 
     #[test]
-    fn every_model_is_inverted() {
+    fn every_lens_model_is_inverted() {
         for (model, d) in [
             ("plumb_bob", &[0.1, -0.2, 0.001, 0.002, 0.05][..]),
             ("rational_polynomial", &RATIONAL),
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn undistorted_images_have_no_lens() {
+    fn rectified_images_have_no_distortion() {
         let mut info = CameraInfo {
             distortion_model: "plumb_bob".into(),
             d: vec![0.1, -0.2, 0.0, 0.0, 0.0],
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn models_are_told_by_name_and_coefficients() {
+    fn lens_model_is_chosen_by_name_and_coefficients() {
         let none = Lens::Brown(BrownConrady::default());
         assert_eq!(Lens::new("equidistant", &[0.0; 4]), Ok(none));
         assert_eq!(Lens::new("anything", &[]), Ok(none));
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn lenses_without_an_inverse_are_refused() {
+    fn non_invertible_lenses_are_refused() {
         let of = |model: &str, d: &[f64]| {
             let optics = Optics {
                 width: 160,
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn opencv_projects_these_points_so() {
+    fn projection_matches_opencv() {
         // cv2.projectPoints([[0.3, -0.2, 1]]) and cv2.fisheye.projectPoints with K of 600, 600, 320, 240: OpenCV 5.0.
         let mut info = CameraInfo {
             width: 640,

@@ -218,7 +218,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn strings_of_a_data_base_are_read() {
+    fn database_metadata_strings_are_parsed() {
         let text = "width=640;height=480;fx=613.203674;ppx=319.938843;fy=613.419312;ppy=239.182999;model=Brown Conrady;coeffs=0,0,0,0,0";
         let info = info(text).unwrap();
         assert_eq!(

@@ -88,7 +88,7 @@ mod tests {
     use crate::optics::Lens;
 
     #[test]
-    fn straight_lines_become_straight() {
+    fn rectification_straightens_lines() {
         let optics = Optics {
             width: 160,
             height: 120,

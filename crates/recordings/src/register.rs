@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_is_where_the_colour_camera_sees_it() {
+    fn registered_plane_matches_the_colour_camera() {
         let depth = optics(64, 48, [60.0, 60.0, 31.5, 23.5]);
         let colour = optics(96, 72, [90.0, 91.0, 48.0, 35.0]);
         let pose = Se3::new(
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn coordinates_are_rounded_to_the_nearest_pixel() {
+    fn coordinates_round_to_the_nearest_pixel() {
         for (v, expected) in [(0.4, 0), (0.6, 1), (-0.4, 0), (-0.6, -1), (639.7, 640)] {
             assert_eq!(nearest(v), expected, "{v}");
         }
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearer_surface_wins() {
+    fn nearer_surface_wins() {
         let camera = optics(8, 6, [10.0, 10.0, 3.5, 2.5]);
         let mut data = vec![4.0; 48];
         data[2 * 8 + 5] = 1.0;

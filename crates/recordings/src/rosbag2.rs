@@ -200,14 +200,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn descriptions_are_read() {
+    fn bag_metadata_is_parsed() {
         let text = "rosbag2_bagfile_information:\n  compression_mode: MESSAGE\n  files:\n  - path: no.db3\n  relative_file_paths:\n    - a_0.db3\n    - \"a_1.db3\"\n  ros_distro: jazzy\n  - x\n";
         let expected = (vec!["a_0.db3".to_owned(), "a_1.db3".to_owned()], true);
         assert_eq!(parse(text), expected);
     }
 
     #[test]
-    fn a_description_does_not_lead_out_of_its_folder() {
+    fn bag_metadata_cannot_reference_outside_files() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("a.mcap"), "").unwrap();
         let text = "relative_file_paths:\n- ../../etc/a.mcap\n- gone.mcap\n- a.mcap\n";

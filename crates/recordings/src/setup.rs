@@ -364,7 +364,7 @@ mod tests {
     use super::is_rectified;
 
     #[test]
-    fn names_say_what_is_undistorted() {
+    fn topic_names_identify_rectified_images() {
         for topic in [
             "/left/image_rect_color",
             "/rgb/image_rect",

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn chains_go_up_and_down() {
+    fn transform_chains_go_up_and_down() {
         let mut tree = Transforms::default();
         for (parent, child, x) in [
             ("base", "camera", 1.0),
@@ -205,7 +205,7 @@ mod tests {
         assert!(tree.find("camera", "b").is_none());
     }
     #[test]
-    fn what_moves_joins_nothing_that_is_fixed() {
+    fn moving_transforms_do_not_form_static_chains() {
         let mut tree = Transforms::default();
         for (parent, child, x) in [
             ("odom", "base", 0.0),

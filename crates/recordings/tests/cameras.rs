@@ -13,7 +13,7 @@ fn k(input: &Input) -> [f64; 4] {
 const K: [f64; 4] = [30.0, 30.0, 15.5, 11.5];
 
 #[test]
-fn the_first_info_that_holds_a_calibration_is_used() {
+fn first_camera_info_with_a_calibration_is_used() {
     let late = Recorded::new().infos(|i, info| {
         if i < 3 {
             info.k = [0.0; 9];
@@ -49,7 +49,7 @@ fn the_first_info_that_holds_a_calibration_is_used() {
 }
 
 #[test]
-fn figures_that_no_camera_has_are_refused_before_the_run() {
+fn implausible_calibrations_are_refused_before_the_run() {
     for (figures, parts) in [
         ([30.0, 30.0, 0.0, 0.0], ["cx = 0.0", "3 to 28 px"]),
         ([30.0, 30.0, 15.5, 23.0], ["cy = 23.0", "principal point"]),
@@ -77,7 +77,7 @@ fn figures_that_no_camera_has_are_refused_before_the_run() {
 }
 
 #[test]
-fn binning_is_applied_and_a_region_that_does_not_fit_is_said() {
+fn binning_is_applied_and_invalid_regions_are_reported() {
     let binned = Recorded::new().infos(|_, info| {
         (info.width, info.height) = (64, 48);
         info.k = [60.0, 0.0, 31.0, 0.0, 60.0, 23.0, 0.0, 0.0, 1.0];
@@ -105,7 +105,7 @@ fn binning_is_applied_and_a_region_that_does_not_fit_is_said() {
 }
 
 #[test]
-fn an_info_of_another_name_is_found_by_frame_and_size() {
+fn camera_info_is_found_by_frame_and_size() {
     let throttled = || {
         Recorded::new()
             .rename(COLOUR, "/throttled_image")

@@ -29,7 +29,7 @@ fn set_back(k: usize) -> u64 {
 
 /// The recording computer's clock is set back by half a second: header stamps are older from there on, whatever the times of arrival are.
 #[test]
-fn the_order_of_writing_is_kept_where_a_clock_was_set_back() {
+fn message_order_is_kept_after_a_backward_clock_jump() {
     for arrives in [true, false] {
         let dir = tempfile::tempdir().unwrap();
         let mut messages = stamped_camera("/camera", FRAMES, set_back);
@@ -72,7 +72,7 @@ fn truth(path: &Path) -> (Vec<StampedPose>, String) {
 }
 
 #[test]
-fn ground_truth_keeps_the_order_of_writing_too() {
+fn ground_truth_order_is_kept_after_a_clock_jump() {
     // Only the odometry's clock is set back, or the common one.
     for camera in [arrived, set_back] {
         let dir = tempfile::tempdir().unwrap();
@@ -98,7 +98,7 @@ fn ground_truth_keeps_the_order_of_writing_too() {
 }
 
 #[test]
-fn ground_truth_that_repeats_a_stamp_or_comes_late_is_said() {
+fn repeated_or_late_ground_truth_stamps_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     let stamp = |k: usize| match k {
         5 => arrived(4),

@@ -89,7 +89,7 @@ fn zoom(bytes: &mut [u8]) {
 }
 
 #[test]
-fn a_chunk_whose_checksum_does_not_match_is_left_out() {
+fn chunk_with_a_wrong_checksum_is_skipped() {
     let dir = tempfile::tempdir().unwrap();
     for how in ["", "lz4", "zstd"] {
         let good = put(dir.path(), "good.mcap", &sealed(how, |_, _| {}));
@@ -129,7 +129,7 @@ fn a_chunk_whose_checksum_does_not_match_is_left_out() {
 }
 
 #[test]
-fn a_frame_of_zstandard_states_a_checksum_of_its_own() {
+fn zstandard_frame_checksum_is_verified() {
     let dir = tempfile::tempdir().unwrap();
     let whole = mcap(&camera("/camera", FRAMES), None);
     let mut packed =
@@ -158,7 +158,7 @@ fn a_frame_of_zstandard_states_a_checksum_of_its_own() {
 }
 
 #[test]
-fn the_checksum_of_all_data_vouches_for_what_is_in_no_chunk() {
+fn data_section_checksum_covers_unchunked_messages() {
     let dir = tempfile::tempdir().unwrap();
     let seal = |mut file: Vec<u8>, from: usize| {
         let end = file.len() - END;
@@ -231,7 +231,7 @@ fn compressed(cut: impl Fn(usize, &mut Vec<u8>)) -> Vec<Sent> {
 }
 
 #[test]
-fn a_jpeg_that_was_cut_off_in_its_message_is_no_image() {
+fn truncated_jpeg_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let third = |k: usize, data: &mut Vec<u8>| {
         if k == 3 {
@@ -269,7 +269,7 @@ fn a_jpeg_that_was_cut_off_in_its_message_is_no_image() {
 
 /// The image is refused for its size before its invalid pixels are decoded.
 #[test]
-fn an_image_of_another_size_is_not_decoded() {
+fn image_of_another_size_is_not_decoded() {
     let dir = tempfile::tempdir().unwrap();
     let larger = |k: usize, data: &mut Vec<u8>| {
         if k == 3 {
@@ -290,7 +290,7 @@ fn an_image_of_another_size_is_not_decoded() {
 }
 
 #[test]
-fn samples_that_are_no_numbers_are_counted() {
+fn non_finite_samples_are_counted() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = camera("/camera", FRAMES);
     for k in 0..10_u64 {

@@ -8,7 +8,7 @@ use stillpoint_recordings::{ImageMessage, Incoming, IncomingTopic, OpenOptions, 
 use stillpoint_ros_messages::*;
 
 #[test]
-fn what_only_looks_like_depth_has_to_be_named() {
+fn depth_like_images_must_be_named() {
     let floats = |_: usize, image: Image<'static>| {
         let values = image.data.chunks(2).flat_map(|b| {
             let value = f32::from(u16::from_le_bytes([b[0], b[1]])) / 1000.0;
@@ -50,7 +50,7 @@ fn what_only_looks_like_depth_has_to_be_named() {
 }
 
 #[test]
-fn floats_in_millimetres_are_noticed_and_read_by_their_scale() {
+fn float_depth_in_millimetres_is_detected_and_scaled() {
     for (per_metre, named) in [(1000.0, "--depth-scale 1000"), (100.0, "--depth-scale 100")] {
         let file = Recorded::new().images(DEPTH, DEPTH, |_, image| {
             let values = image.data.chunks(2).flat_map(|b| {
@@ -80,7 +80,7 @@ fn floats_in_millimetres_are_noticed_and_read_by_their_scale() {
 }
 
 #[test]
-fn depth_as_png_of_the_compressed_transport_is_read() {
+fn compressed_png_depth_is_read() {
     for (topic, format) in [
         (format!("{DEPTH}/compressed"), "16UC1; png compressed "),
         (format!("{DEPTH}/compressed"), "png"),
@@ -125,7 +125,7 @@ fn half(_: usize, image: Image<'static>) -> Image<'static> {
 }
 
 #[test]
-fn depth_of_half_the_size_is_read_as_the_same_view() {
+fn half_size_depth_is_read_as_the_same_view() {
     let file = Recorded::new().images(DEPTH, DEPTH, half);
     let input = file.open();
     assert!(
@@ -148,7 +148,7 @@ fn depth_of_half_the_size_is_read_as_the_same_view() {
 }
 
 #[test]
-fn mosaics_and_planes_are_colour() {
+fn bayer_and_planar_yuv_images_are_read_as_colour() {
     let green = |encoding: &'static str| {
         move |_: usize, image: Image<'static>| {
             let pixels = (WIDTH * HEIGHT) as usize;
@@ -187,7 +187,7 @@ fn mosaics_and_planes_are_colour() {
 }
 
 #[test]
-fn incoming_messages_are_judged_alike() {
+fn live_messages_are_validated_like_recorded_ones() {
     let read = |topic: &str| {
         let m = camera("/camera", 1).into_iter().find(|m| m.topic == topic);
         m.unwrap().cdr

@@ -57,7 +57,7 @@ pub(crate) fn variants(messages: &[Sent]) -> Vec<(&'static str, Vec<u8>)> {
 }
 
 #[test]
-fn frames_are_those_that_were_written() {
+fn frames_match_the_written_ones() {
     let dir = tempfile::tempdir().unwrap();
     for (name, bytes) in variants(&camera("/camera", FRAMES)) {
         let path = put(dir.path(), name, &bytes);
@@ -88,7 +88,7 @@ fn frames_are_those_that_were_written() {
 
 /// A clock may start at zero; some drivers leave zero in every stamp.
 #[test]
-fn a_first_stamp_of_zero_is_one() {
+fn first_stamp_of_zero_is_valid() {
     let dir = tempfile::tempdir().unwrap();
     let from_zero = |k: usize| k as u64 * 40_000_000;
     for (name, bytes) in variants(&stamped_camera("/camera", FRAMES, from_zero)) {
@@ -114,7 +114,7 @@ fn a_first_stamp_of_zero_is_one() {
 }
 
 #[test]
-fn what_is_before_a_cut_is_used() {
+fn truncated_files_are_used_up_to_the_cut() {
     const MANY: usize = 40;
     let dir = tempfile::tempdir().unwrap();
     for (name, bytes) in variants(&camera("/camera", MANY)) {
@@ -135,7 +135,7 @@ fn what_is_before_a_cut_is_used() {
 }
 
 #[test]
-fn two_cameras_need_a_name() {
+fn recording_with_two_cameras_needs_a_topic() {
     let dir = tempfile::tempdir().unwrap();
     let mut both = camera("/front", 4);
     both.extend(camera("/rear", 4));
@@ -159,7 +159,7 @@ fn two_cameras_need_a_name() {
 }
 
 #[test]
-fn ground_truth_is_that_of_the_camera() {
+fn ground_truth_is_given_for_the_camera() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = camera("/camera", 4);
     all.extend(odometry(4));
@@ -197,7 +197,7 @@ fn ground_truth_is_that_of_the_camera() {
 }
 
 #[test]
-fn other_files_are_refused_in_words() {
+fn unknown_files_are_refused_with_a_reason() {
     let dir = tempfile::tempdir().unwrap();
     for (bytes, part) in [
         (&b""[..], "an empty file"),
@@ -221,7 +221,7 @@ fn other_files_are_refused_in_words() {
 }
 
 #[test]
-fn what_is_recorded_reads_back() {
+fn recorded_file_round_trips() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = camera("/camera", 5);
     all.extend(odometry(5));
@@ -278,7 +278,7 @@ fn what_is_recorded_reads_back() {
 /// A camera whose depth is half a frame late, then half a frame early: by stamps alone each image would be nearer to another one, and one
 /// would be left over.
 #[test]
-fn what_was_written_as_pairs_is_read_as_pairs() {
+fn recorded_image_pairs_stay_paired() {
     let dir = tempfile::tempdir().unwrap();
     let camera = Camera::pinhole(64, 48, [60.0, 60.0, 31.5, 23.5]);
     let path = dir.path().join("pairs.mcap");
@@ -313,7 +313,7 @@ fn what_was_written_as_pairs_is_read_as_pairs() {
 
 /// Raw images of a driver: depth of a camera 50 mm beside, in millimetres.
 #[test]
-fn raw_images_become_frames_in_the_colour_camera() {
+fn raw_images_are_registered_to_the_colour_camera() {
     let info = |width: u32, f: f64| ros::CameraInfo {
         width,
         height: 48,
@@ -380,7 +380,7 @@ fn raw_images_become_frames_in_the_colour_camera() {
 
 /// A nominal preset is worse than the recording's calibration; a measured one is the user's decision.
 #[test]
-fn a_calibration_of_its_own_wins_over_a_nominal_preset() {
+fn own_calibration_overrides_a_nominal_preset() {
     let dir = tempfile::tempdir().unwrap();
     let path = put(dir.path(), "own.bag", &bag(&camera("/camera", 5), "none"));
     let of = |preset: &str| {

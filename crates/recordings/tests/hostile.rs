@@ -42,7 +42,7 @@ fn of(folder: &Path, name: &str, bytes: &[u8]) -> Info {
 }
 
 #[test]
-fn topics_have_a_bound_and_a_number_has_one_topic() {
+fn number_of_topics_is_bounded_and_ids_are_unique() {
     let dir = tempfile::tempdir().unwrap();
     let mut records = Vec::new();
     schema(&mut records, 1, "std_msgs/msg/String");
@@ -94,7 +94,7 @@ fn topics_have_a_bound_and_a_number_has_one_topic() {
 }
 
 #[test]
-fn names_have_a_length_and_stay_on_a_line() {
+fn topic_names_are_bounded_and_escaped() {
     let dir = tempfile::tempdir().unwrap();
     let mut records = Vec::new();
     schema(&mut records, 1, "std_msgs/msg/String");
@@ -120,7 +120,7 @@ fn names_have_a_length_and_stay_on_a_line() {
 }
 
 #[test]
-fn a_flood_of_remarks_is_counted() {
+fn flood_of_remarks_is_only_counted() {
     let dir = tempfile::tempdir().unwrap();
     let mut records = Vec::new();
     for _ in 0..20_000 {
@@ -133,7 +133,7 @@ fn a_flood_of_remarks_is_counted() {
 }
 
 #[test]
-fn image_topics_have_a_bound() {
+fn number_of_image_topics_is_bounded() {
     let dir = tempfile::tempdir().unwrap();
     let mut records = Vec::new();
     schema(&mut records, 1, "sensor_msgs/msg/Image");
@@ -163,7 +163,7 @@ fn image_topics_have_a_bound() {
 }
 
 #[test]
-fn transforms_have_a_bound() {
+fn number_of_transforms_is_bounded() {
     let dir = tempfile::tempdir().unwrap();
     let message = |n: usize| {
         let one = |i: usize| {
@@ -210,7 +210,7 @@ fn blocks_of_zeros(before: &[u8], blocks: usize) -> Vec<u8> {
 }
 
 #[test]
-fn a_packed_file_does_not_fill_the_disk() {
+fn decompression_bomb_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let frame = blocks_of_zeros(b"\x89MCAP0\r\n", 1 << 17);
     let path = put(dir.path(), "input.mcap.zstd", &frame);
@@ -223,7 +223,7 @@ fn a_packed_file_does_not_fill_the_disk() {
 
 #[cfg(feature = "sqlite")]
 #[test]
-fn a_data_base_is_asked_for_rows_of_tables_alone() {
+fn database_views_are_not_queried() {
     let dir = tempfile::tempdir().unwrap();
     for (name, change) in [
         (

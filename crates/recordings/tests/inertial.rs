@@ -56,7 +56,7 @@ fn taken(input: &Input, start: usize) -> Vec<Vec<ImuSample>> {
 }
 
 #[test]
-fn every_sample_comes_with_the_frame_that_it_leads_to() {
+fn inertial_samples_come_with_the_following_frame() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = camera("/camera", FRAMES);
     all.extend(samples("/camera/imu", 200, "camera_imu"));
@@ -93,7 +93,7 @@ fn every_sample_comes_with_the_frame_that_it_leads_to() {
 }
 
 #[test]
-fn forces_with_a_topic_of_their_own_are_brought_to_the_rates() {
+fn separate_accelerometer_topic_is_interpolated() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = camera("/camera", FRAMES);
     all.extend(samples("/camera/gyro/sample", 200, "imu"));
@@ -124,7 +124,7 @@ fn forces_with_a_topic_of_their_own_are_brought_to_the_rates() {
 }
 
 #[test]
-fn a_realsense_says_itself_how_its_sensor_is_mounted() {
+fn realsense_recording_contains_the_inertial_mount() {
     let dir = tempfile::tempdir().unwrap();
     let device = "/device_0/sensor_1/Color_0";
     let mut all = camera("/camera", FRAMES);
@@ -171,7 +171,7 @@ fn a_realsense_says_itself_how_its_sensor_is_mounted() {
 }
 
 #[test]
-fn a_sensor_of_which_nobody_says_how_it_is_mounted_is_named_and_left_out() {
+fn unmounted_inertial_sensor_is_reported_and_ignored() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = camera("/camera", FRAMES);
     all.extend(samples("/robot/imu", 100, "base_imu"));
@@ -207,7 +207,7 @@ fn a_sensor_of_which_nobody_says_how_it_is_mounted_is_named_and_left_out() {
 }
 
 #[test]
-fn of_several_sensors_the_cameras_own_counts() {
+fn cameras_own_inertial_sensor_is_preferred() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = camera("/camera", FRAMES);
     all.extend(samples("/robot/imu", 100, "camera_imu"));
@@ -251,7 +251,7 @@ fn of_several_sensors_the_cameras_own_counts() {
 }
 
 #[test]
-fn what_is_recorded_of_a_sensor_reads_back() {
+fn recorded_inertial_samples_round_trip() {
     let dir = tempfile::tempdir().unwrap();
     let path = put(
         dir.path(),

@@ -111,37 +111,37 @@ fn variant(name: &str) {
 }
 
 #[test]
-fn mcap() {
+fn damaged_mcap_never_panics() {
     variant("plain.mcap");
 }
 
 #[test]
-fn mcap_in_chunks() {
+fn damaged_chunked_mcap_never_panics() {
     variant("chunks.mcap");
 }
 
 #[test]
-fn mcap_by_lz4() {
+fn damaged_lz4_mcap_never_panics() {
     variant("lz4.mcap");
 }
 
 #[test]
-fn bag() {
+fn damaged_bag_never_panics() {
     variant("plain.bag");
 }
 
 #[test]
-fn bag_by_lz4() {
+fn damaged_lz4_bag_never_panics() {
     variant("lz4.bag");
 }
 
 #[test]
-fn bag_by_bzip2() {
+fn damaged_bzip2_bag_never_panics() {
     variant("bz2.bag");
 }
 
 #[test]
-fn bag_of_orbbec() {
+fn damaged_orbbec_bag_never_panics() {
     mutate(
         "orbbec.bag",
         &crate::writers::bag(&orbbec::messages(2), "lz4"),
@@ -150,7 +150,7 @@ fn bag_of_orbbec() {
 
 #[cfg(feature = "sqlite")]
 #[test]
-fn data_base() {
+fn damaged_database_never_panics() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.db3");
     drop(crate::sqlite::write(&path, &camera("/camera", 3)));

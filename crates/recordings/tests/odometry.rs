@@ -90,7 +90,7 @@ fn taken(input: &Input, start: usize) -> Vec<Vec<OdometrySample>> {
 }
 
 #[test]
-fn every_sample_comes_with_the_frame_that_it_leads_to() {
+fn odometry_samples_come_with_the_following_frame() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = robot();
     all.extend(wheels("/odom", "base_link"));
@@ -120,7 +120,7 @@ fn every_sample_comes_with_the_frame_that_it_leads_to() {
 }
 
 #[test]
-fn where_the_camera_stands_must_be_said_and_may_not_move() {
+fn odometry_needs_a_static_camera_mount() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = camera("/camera", FRAMES);
     all.extend(wheels("/odom", "base_link"));
@@ -158,7 +158,7 @@ fn where_the_camera_stands_must_be_said_and_may_not_move() {
 }
 
 #[test]
-fn what_may_not_be_of_wheels_is_used_only_when_it_is_named() {
+fn doubtful_odometry_is_used_only_if_named() {
     let dir = tempfile::tempdir().unwrap();
     for (name, base) in [("/rgbd/visual_odom", "base_link"), ("/pose", "camera_link")] {
         let mut all = robot();
@@ -186,7 +186,7 @@ fn what_may_not_be_of_wheels_is_used_only_when_it_is_named() {
 }
 
 #[test]
-fn neither_ground_truth_nor_what_this_program_found_is_a_prior() {
+fn ground_truth_and_own_output_are_not_used_as_prior() {
     let dir = tempfile::tempdir().unwrap();
     let mut all = robot();
     all.extend(wheels("/stillpoint/odometry", "base_link"));
@@ -214,7 +214,7 @@ fn neither_ground_truth_nor_what_this_program_found_is_a_prior() {
 }
 
 #[test]
-fn what_is_recorded_of_a_base_reads_back() {
+fn recorded_odometry_round_trips() {
     let dir = tempfile::tempdir().unwrap();
     let source = file(dir.path(), "source.mcap", &camera("/camera", FRAMES));
     let input = open(&source, &OpenOptions::default()).unwrap();

@@ -84,7 +84,7 @@ pub(crate) fn messages(frames: u64) -> Vec<Sent> {
 }
 
 #[test]
-fn its_bags_are_read() {
+fn orbbec_bags_are_read() {
     let dir = tempfile::tempdir().unwrap();
     for how in ["none", "lz4"] {
         let path = put(dir.path(), "orbbec.bag", &bag(&messages(4), how));
@@ -117,7 +117,7 @@ fn its_bags_are_read() {
 
 /// A recording that was truncated before the description of its cameras.
 #[test]
-fn without_its_cameras_it_asks_for_one() {
+fn truncated_orbbec_bag_needs_a_camera() {
     let dir = tempfile::tempdir().unwrap();
     let path = put(dir.path(), "cut.bag", &bag(&messages(4)[..12], "none"));
     let refused = open(&path, &OpenOptions::default())

@@ -38,7 +38,7 @@ fn count(path: &Path) -> usize {
 }
 
 #[test]
-fn a_log_that_a_recorder_left_is_read() {
+fn leftover_write_ahead_log_is_read() {
     let dir = tempfile::tempdir().unwrap();
     let live = dir.path().join("live.db3");
     let base = write(&live, &camera("/camera", 5));
@@ -58,7 +58,7 @@ fn a_log_that_a_recorder_left_is_read() {
 }
 
 #[test]
-fn folders_are_read_and_damage_is_said() {
+fn split_databases_are_read_and_damage_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let messages = camera("/camera", 6);
     drop(write(&dir.path().join("a_0.db3"), &messages[..9]));

@@ -78,7 +78,7 @@ fn written(records: &[(u8, Vec<u8>)]) -> Vec<u8> {
 }
 
 #[test]
-fn records_of_mcap() {
+fn rearranged_mcap_records_never_panic() {
     let whole = mcap(&camera("/camera", 3), Some((7, true)));
     let (magic, inner) = (&whole[..8], &whole[8..whole.len() - 8]);
     campaign("records.mcap", SEEDS, |random| {
@@ -127,7 +127,7 @@ fn bag_written(records: &[(Vec<u8>, Vec<u8>)]) -> Vec<u8> {
 }
 
 #[test]
-fn records_of_bags() {
+fn rearranged_bag_records_never_panic() {
     let whole = bag(&camera("/camera", 3), "none");
     let (magic, inner) = whole.split_at(13);
     campaign("records.bag", SEEDS, |random| {
@@ -168,7 +168,7 @@ fn records_of_bags() {
 
 #[cfg(feature = "sqlite")]
 #[test]
-fn rows_of_data_bases() {
+fn altered_database_rows_never_panic() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("rows.db3");
     drop(crate::sqlite::write(&path, &camera("/camera", 3)));

@@ -75,7 +75,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_pose_comes_back_to_the_last_bit(pose in poses()) {
+        fn pose_conversion_round_trips_exactly(pose in poses()) {
             prop_assert_eq!(pose_to_optical(&pose_to_ros(&pose)), pose);
         }
 
@@ -88,7 +88,7 @@ mod tests {
         }
 
         #[test]
-        fn the_constant_transform_leads_to_the_optical_frame(pose in poses()) {
+        fn constant_transform_leads_to_the_optical_frame(pose in poses()) {
             // map -> camera_link -> optical, with the rotation of the world undone, is the camera's own pose.
             let constant = Se3::new(body_from_optical(), Vec3::zeros());
             let found = constant.inverse() * pose_to_ros(&pose) * constant;
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn variances_go_with_their_axes() {
+    fn variances_follow_their_axes() {
         let covariance = Mat6::from_diagonal(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0].into());
         let found = covariance_to_ros(&covariance).diagonal();
         assert_eq!(found.as_slice(), [3.0, 1.0, 2.0, 6.0, 4.0, 5.0]);

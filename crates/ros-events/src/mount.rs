@@ -124,7 +124,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_chain_leads_to_the_camera(base_from_optical in poses(), world_from_camera in poses(), p in prop::array::uniform3(-2.0..2.0_f64)) {
+        fn transform_chain_leads_to_the_camera(base_from_optical in poses(), world_from_camera in poses(), p in prop::array::uniform3(-2.0..2.0_f64)) {
             let mount = Mount::of_optical(&base_from_optical);
             // map -> base -> optical maps a point of the camera to its place in the map.
             let p = Vec3::from(p);
@@ -137,7 +137,7 @@ mod tests {
         }
 
         #[test]
-        fn velocity_is_what_moves_the_base(base_from_optical in poses(), velocity in prop::array::uniform6(-1.0..1.0_f64)) {
+        fn velocity_matches_the_base_motion(base_from_optical in poses(), velocity in prop::array::uniform6(-1.0..1.0_f64)) {
             let mount = Mount::of_optical(&base_from_optical);
             let velocity = Vec6::from(velocity);
             let [linear, angular] = mount.velocity(&velocity);
@@ -148,7 +148,7 @@ mod tests {
         }
 
         #[test]
-        fn covariances_go_with_the_lever(base_from_optical in poses(), odom_from_camera in poses(), turn in prop::array::uniform6(-1.0..1.0_f64)) {
+        fn covariances_include_the_lever_arm(base_from_optical in poses(), odom_from_camera in poses(), turn in prop::array::uniform6(-1.0..1.0_f64)) {
             // A small motion of the camera about the axes of its world, and its effect on the base.
             let mount = Mount::of_optical(&base_from_optical);
             let small = Vec6::from(turn) * 1e-6;
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_is_the_base_rounds_nothing() {
+    fn camera_as_base_gives_the_default_mount() {
         let optical = Se3::new(axes::body_from_optical(), Vec3::zeros());
         assert_eq!(Mount::of_optical(&optical), Mount::default());
     }

@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn without_corrections_odom_is_the_map() {
+    fn odom_equals_the_map_without_corrections() {
         let mut odom = Odom::default();
         for i in 0..4 {
             let pose = at(0.1 * f64::from(i), 0.02 * f64::from(i));
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_correction_moves_the_map_and_not_odom_once_tracking_has_it() {
+    fn correction_moves_the_map_and_not_odom() {
         let mut odom = Odom::default();
         let mut map = map(&[at(0.0, 0.0), at(0.3, 0.1)]);
         odom.view = Some(map.publish());
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn where_no_keyframe_is_left_the_camera_goes_on_as_it_went() {
+    fn odom_continues_without_remaining_keyframes() {
         let mut odom = Odom {
             view: Some(map(&[at(0.0, 0.0)]).publish()),
             ..Odom::default()
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn after_a_loss_and_in_another_submap_odom_goes_on_from_where_it_was() {
+    fn odom_continues_after_a_loss_or_submap_change() {
         let mut odom = Odom::default();
         locate(&mut odom, &frame(0, Some(at(0.0, 0.0)), 1));
         locate(&mut odom, &frame(1, Some(at(0.1, 0.0)), 1));

@@ -106,7 +106,7 @@ fn microseconds(stamp: f64) -> u64 {
 }
 
 #[test]
-fn the_chain_of_transforms_is_the_pose_of_every_frame() {
+fn transform_chain_gives_the_pose_of_every_frame() {
     let fixed = messages::<ros::TfMessage<'_>>(Topic::TfStatic);
     let constant = &fixed[0].1.transforms[0];
     assert_eq!(constant.header.frame_id, "camera_link");
@@ -145,7 +145,7 @@ fn the_chain_of_transforms_is_the_pose_of_every_frame() {
 }
 
 #[test]
-fn odometry_is_the_second_transform_with_covariances_and_velocity() {
+fn odometry_matches_the_odom_transform() {
     let odometry = messages::<ros::Odometry<'_>>(Topic::Odometry);
     let transforms = messages::<ros::TfMessage<'_>>(Topic::Tf);
     assert_eq!(odometry.len(), transforms.len());
@@ -183,7 +183,7 @@ fn odometry_is_the_second_transform_with_covariances_and_velocity() {
 }
 
 #[test]
-fn the_last_map_is_the_one_that_the_run_left() {
+fn last_map_message_equals_the_final_map() {
     let view = walk().events.iter().filter_map(Event::view).next_back();
     let view = view.unwrap();
     let clouds = messages::<ros::PointCloud2<'_>>(Topic::Map);
@@ -204,7 +204,7 @@ fn the_last_map_is_the_one_that_the_run_left() {
 }
 
 #[test]
-fn people_are_where_they_walk() {
+fn people_are_published_at_their_positions() {
     let arrays = messages::<ros::Detection3DArray<'_>>(Topic::Objects);
     let found: Vec<_> = arrays.iter().flat_map(|(_, a)| &a.detections).collect();
     assert!(found.len() > 20, "{}", found.len());
@@ -232,7 +232,7 @@ fn people_are_where_they_walk() {
 }
 
 #[test]
-fn every_frame_has_its_health_and_picture() {
+fn every_frame_has_health_and_picture_messages() {
     let all = messages::<ros::DiagnosticArray<'_>>(Topic::Diagnostics);
     assert_eq!(all.len(), FRAMES);
     for ((time, message), frame) in all.iter().zip(frames()) {
@@ -254,7 +254,7 @@ fn every_frame_has_its_health_and_picture() {
 }
 
 #[test]
-fn every_topic_says_what_it_carries() {
+fn every_topic_has_a_type_and_is_published() {
     for topic in Topic::ALL {
         let definition = topic.definition();
         assert!(!definition.is_empty() && topic.type_name().contains("/msg/"));
@@ -265,7 +265,7 @@ fn every_topic_says_what_it_carries() {
 }
 
 #[test]
-fn masks_surfaces_and_grids_say_what_they_were_given() {
+fn masks_surfaces_and_grids_match_their_input() {
     let (_, mask) = &messages::<ros::Image<'_>>(Topic::Mask)[0];
     assert_eq!((mask.width, mask.height, mask.step), (3, 2, 3));
     assert_eq!(mask.data[..], [0, 255, 0, 0, 0, 255]);

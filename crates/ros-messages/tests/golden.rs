@@ -172,7 +172,7 @@ golden!(string, "String", StringMessage, |_| StringMessage {
 macro_rules! repeated {
     ($($type:ident),* $(,)?) => {
         #[test]
-        fn messages_of_every_type_are_read_and_written_again() {
+        fn messages_of_every_type_round_trip() {
             let mut seen = 0;
             $(seen += repeated::<$type<'_>>(|bytes, format| {
                 let message = from_bytes::<$type<'_>>(bytes, format).unwrap();

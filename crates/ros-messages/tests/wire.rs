@@ -55,7 +55,7 @@ fn tree(names: &[String]) -> TfMessage<'_> {
 proptest! {
     /// Names of every length, so that later fields begin at every offset.
     #[test]
-    fn what_is_written_is_read(
+    fn messages_round_trip(
         name in "\\PC{0,12}",
         data in prop::collection::vec(any::<u8>(), 0..40),
         values in prop::collection::vec(-1e9..1e9_f64, 0..9),
@@ -96,7 +96,7 @@ proptest! {
 }
 
 #[test]
-fn every_cut_is_refused() {
+fn every_truncation_is_refused() {
     for format in FORMATS {
         let bytes = to_bytes(&image("camera", &[1, 2, 3]), format);
         for end in 0..bytes.len() {
@@ -115,7 +115,7 @@ fn images_are_borrowed() {
 }
 
 #[test]
-fn a_length_alone_reserves_nothing() {
+fn stated_length_allocates_nothing() {
     let bytes = [0, 1, 0, 0, 255, 255, 255, 255];
     let expected = WireError::Short {
         at: 8,
@@ -145,7 +145,7 @@ fn errors_name_message_and_field() {
 }
 
 #[test]
-fn other_encapsulations_are_named() {
+fn unknown_encapsulations_are_reported() {
     let found = from_bytes::<StringMessage<'_>>(&[0, 7, 0, 0], Format::CdrLittleEndian);
     assert_eq!(found, Err(WireError::Encapsulation { found: [0, 7] }));
 }

@@ -331,7 +331,7 @@ mod tests {
     use stillpoint_geometry::{Vec2, so3};
 
     #[test]
-    fn a_slanted_face_has_its_colour_and_depth_at_whole_pixels() {
+    fn slanted_face_has_exact_colour_and_depth() {
         let camera = Camera::pinhole(640, 480, [535.0, 530.0, 319.5, 239.5]);
         let lens = Lens::new(&camera);
         let pose = Se3::new(

@@ -237,7 +237,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_row_of_patches_is_what_its_pixels_are() {
+    fn patch_rows_equal_single_pixels() {
         let patches = Patches::new(5, 43, 31);
         for y in 0..31 {
             let mut row = vec![0.0; 43];
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shadow_of_a_near_thing_falls_to_its_left() {
+    fn depth_shadow_falls_to_the_left() {
         // An object at 1 m before a wall at 2 m: disparities 40.1 and 20.1 px, so the shadow is 20 px wide.
         let inverse: Vec<f32> = (0..200)
             .map(|x| if (100..120).contains(&x) { 1.0 } else { 0.5 })

@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_by_hand() {
+    fn distances_match_manual_calculations() {
         for (p, expected) in [
             ([0.5, -0.5, 3.5], 2.5),
             ([0.5, 0.0, -1.0], 2.0),
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_far_away_or_no_number_is_near_nothing() {
+    fn far_or_non_finite_points_are_near_nothing() {
         let far = [Vec3::repeat(1e300), Vec3::repeat(f64::NAN)];
         assert_eq!(share_near(&far, &[Vec3::zeros()], 0.05), 0.0);
         assert_eq!(share_near(&[Vec3::zeros()], &far, 0.05), 0.0);
@@ -119,7 +119,7 @@ mod tests {
     proptest! {
         /// No point of a polygon is nearer, and one of its points is as near.
         #[test]
-        fn no_point_of_a_surface_is_nearer(p in prop::array::uniform3(-5.0..5.0_f64), u in -1.0..1.0_f64, v in -1.0..1.0_f64) {
+        fn distance_is_the_minimum_over_the_surface(p in prop::array::uniform3(-5.0..5.0_f64), u in -1.0..1.0_f64, v in -1.0..1.0_f64) {
             let (p, distance) = (Vec3::from(p), two().distance(&Vec3::from(p)));
             for on in [Vec3::new(u, v, 1.0), Vec3::new(3.0, u, v)] {
                 prop_assert!((on - p).norm() >= distance - 1e-12);
@@ -128,7 +128,7 @@ mod tests {
         }
 
         #[test]
-        fn as_many_are_near_as_one_by_one(points in prop::collection::vec(prop::array::uniform3(-0.2..0.2_f64), 1..30), others in prop::collection::vec(prop::array::uniform3(-0.2..0.2_f64), 0..30)) {
+        fn share_near_equals_brute_force(points in prop::collection::vec(prop::array::uniform3(-0.2..0.2_f64), 1..30), others in prop::collection::vec(prop::array::uniform3(-0.2..0.2_f64), 0..30)) {
             let [points, others] = [points, others].map(|all| all.into_iter().map(Vec3::from).collect::<Vec<_>>());
             let near = |p: &&Vec3| others.iter().any(|q| (*p - q).norm() < 0.05);
             let expected = points.iter().filter(near).count() as f64 / points.len() as f64;

@@ -4,7 +4,7 @@ use super::people::simulator;
 use stillpoint_simulator::DetectionNoise;
 
 #[test]
-fn detections_miss_jitter_and_know_no_box() {
+fn detections_have_misses_and_jitter_for_people_only() {
     let noise = DetectionNoise::default();
     let (mut found, mut visible, mut off, mut n) = (0.0, 0.0, 0.0, 0.0);
     for scene in ["walking_static", "sitting_xyz", "box_carried"] {
@@ -44,7 +44,7 @@ fn detections_miss_jitter_and_know_no_box() {
 
 /// Two people walk all the time.
 #[test]
-fn bursts_hide_a_person_for_their_length() {
+fn bursts_suppress_a_person_for_their_length() {
     let sim = simulator("walking_static", |_| ());
     let noise = DetectionNoise {
         drop: 0.0,
@@ -84,7 +84,7 @@ fn bursts_hide_a_person_for_their_length() {
 }
 
 #[test]
-fn false_alarms_are_people_where_none_need_be() {
+fn false_alarms_are_people_at_arbitrary_places() {
     let sim = simulator("xyz", |_| ());
     let noise = DetectionNoise {
         false_alarm: 0.2,
@@ -102,7 +102,7 @@ fn false_alarms_are_people_where_none_need_be() {
 }
 
 #[test]
-fn furniture_is_found_where_it_stands() {
+fn furniture_is_detected_where_visible() {
     let sim = simulator("walking_xyz", |_| ());
     let noise = DetectionNoise {
         drop: 0.0,
@@ -139,7 +139,7 @@ fn furniture_is_found_where_it_stands() {
 
 /// In a static scene, in one with people, and in one with carried furniture.
 #[test]
-fn what_moves_is_the_truth_without_the_things() {
+fn moving_truth_is_the_truth_without_things() {
     for scene in ["xyz", "walking_xyz", "chair_carried"] {
         let sim = simulator(scene, |_| ());
         for (index, things) in [(0, true), (120, false), (240, true)] {
@@ -159,7 +159,7 @@ fn what_moves_is_the_truth_without_the_things() {
 }
 
 #[test]
-fn exact_detections_are_the_truth() {
+fn exact_detections_equal_the_truth() {
     let exact = DetectionNoise {
         drop: 0.0,
         jitter_px: 0.0,
@@ -191,7 +191,7 @@ fn exact_detections_are_the_truth() {
 
 /// The corners of the true box contain the visible part of an object, and touch it if it is completely visible.
 #[test]
-fn true_boxes_hold_what_is_seen() {
+fn true_boxes_contain_the_visible_parts() {
     use stillpoint_geometry::{Se3, Vec2, Vec3};
     let sim = simulator("equal_rooms", |c| c.noise = false);
     let things = sim.things();
@@ -236,7 +236,7 @@ fn true_boxes_hold_what_is_seen() {
 }
 
 #[test]
-fn things_are_seen_where_there_are_none_and_missed_in_bursts() {
+fn things_have_false_alarms_and_missed_bursts() {
     let sim = simulator("xyz", |_| ());
     let with = |false_alarm: f64, burst: f64| DetectionNoise {
         drop: 0.0,
@@ -267,7 +267,7 @@ fn things_are_seen_where_there_are_none_and_missed_in_bursts() {
 
 /// It stands until it is lifted, is detected before and after, and leaves its place.
 #[test]
-fn the_chair_is_carried_away() {
+fn carried_chair_leaves_its_place() {
     let sim = simulator("chair_carried", |_| ());
     let taken: Vec<_> = sim.things();
     let (number, chair) = *taken.last().unwrap();
@@ -308,7 +308,7 @@ fn the_chair_is_carried_away() {
 
 /// Active depth cameras do not measure black and distant surfaces.
 #[test]
-fn pixels_of_things_have_depth_or_not() {
+fn thing_pixels_are_counted_with_and_without_depth() {
     let sim = simulator("walking_xyz", |_| ());
     let exact = simulator("walking_xyz", |c| c.noise = false);
     let (measured, all) = (sim.depth_px(60), exact.depth_px(60));

@@ -74,7 +74,7 @@ fn features(sim: &Simulator, index: usize) -> (RgbdFrame, Features) {
 }
 
 #[test]
-fn the_same_place_of_the_other_room_is_a_perfect_false_loop() {
+fn same_place_in_the_other_room_is_a_perfect_false_loop() {
     for seed in [0, 7] {
         let sim = simulator("equal_rooms", seed);
         let to_other = Se3::new(so3::exp(&Vec3::zeros()), Vec3::new(SHIFT, 0.0, 0.0));
@@ -102,7 +102,7 @@ fn the_same_place_of_the_other_room_is_a_perfect_false_loop() {
 }
 
 #[test]
-fn the_rooms_of_the_other_scene_are_no_such_temptation() {
+fn different_rooms_have_few_false_matches() {
     // Control: the same measure for opposite places of the two different rooms, as many frames apart.
     let sim = simulator("loop_two_rooms", 0);
     for index in [300, 400, 500] {
@@ -114,7 +114,7 @@ fn the_rooms_of_the_other_scene_are_no_such_temptation() {
 }
 
 #[test]
-fn one_walk_never_returns_and_the_other_one_does() {
+fn only_the_return_walk_comes_back() {
     let (once, back) = (
         simulator("equal_rooms", 4),
         simulator("equal_rooms_return", 4),
@@ -147,7 +147,7 @@ fn one_walk_never_returns_and_the_other_one_does() {
 }
 
 #[test]
-fn the_walk_keeps_clear_of_everything() {
+fn walk_keeps_clear_of_all_surfaces() {
     let config = SimulatorConfig {
         scene: "equal_rooms_return".to_owned(),
         noise: false,
@@ -167,7 +167,7 @@ fn the_walk_keeps_clear_of_everything() {
 }
 
 #[test]
-fn there_is_enough_to_see_all_along_the_walk() {
+fn walk_has_enough_features_and_depth_throughout() {
     let sim = simulator("equal_rooms_return", 1);
     for index in (0..sim.len()).step_by(40) {
         let (frame, found) = features(&sim, index);

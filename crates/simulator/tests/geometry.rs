@@ -68,7 +68,7 @@ fn bilinear(at: impl Fn(usize, usize) -> f64, p: Vec2) -> f64 {
 }
 
 #[test]
-fn depth_of_one_frame_lands_on_the_depth_of_another() {
+fn warped_depth_agrees_between_frames() {
     let sims = [
         ideal("xyz"),
         ideal("loop_two_rooms"),
@@ -121,7 +121,7 @@ fn mean_shift(a: &GrayImage, b: &GrayImage, pairs: &[([usize; 2], Vec2)]) -> Vec
 }
 
 #[test]
-fn colours_stay_on_their_points_to_a_tenth_of_a_pixel() {
+fn warped_colours_agree_to_a_tenth_of_a_pixel() {
     let mut sims = ["xyz", "rpy", "halfsphere", "loop_two_rooms"]
         .map(ideal)
         .into_iter()

@@ -61,7 +61,7 @@ fn corners(sim: &Simulator, index: usize) -> [f64; 3] {
 
 /// Control: shirts of a crowd have about as many corners per pixel as the room.
 #[test]
-fn a_coat_fills_a_quarter_of_the_view_and_has_most_of_its_corners() {
+fn coat_fills_a_quarter_of_the_view_with_most_corners() {
     for seed in [0, 5] {
         let sim = simulator("crowd_coat", |c| c.seed = seed);
         for index in [0, 36, 90] {
@@ -78,7 +78,7 @@ fn a_coat_fills_a_quarter_of_the_view_and_has_most_of_its_corners() {
 
 /// Controls: another scene, and a detector that finds people from behind as well as from the front.
 #[test]
-fn who_shows_the_back_is_missed_for_long() {
+fn people_seen_from_behind_are_missed_for_long() {
     let found = |scene: &str, from_behind: f64| -> Vec<usize> {
         let sim = simulator(scene, |_| ());
         let noise = DetectionNoise {
@@ -99,7 +99,7 @@ fn who_shows_the_back_is_missed_for_long() {
 
 /// Control: a crowd before a camera that does not nod.
 #[test]
-fn a_camera_that_nods_turns_up_at_people_when_it_is_decided_who_moves() {
+fn nodding_camera_pitches_fast_towards_people() {
     let pitch = |sim: &Simulator, t: f64| {
         let h = 1e-3;
         let step = sim.world_from_camera(t).inverse() * sim.world_from_camera(t + h);

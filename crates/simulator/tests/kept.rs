@@ -57,7 +57,7 @@ fn gate_accepts(scenes: &Path) -> bool {
 }
 
 #[test]
-fn an_image_is_rendered_once_by_all_processes_together() {
+fn cached_image_is_rendered_once_across_processes() {
     let folder = tempfile::tempdir().unwrap();
     let scenes = folder.path();
     let without = child(None);

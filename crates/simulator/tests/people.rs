@@ -63,7 +63,7 @@ fn check_boxes(truth: &FrameTruth) {
 }
 
 #[test]
-fn boxes_are_those_of_the_mask() {
+fn boxes_match_the_mask() {
     for scene in WITH_PEOPLE {
         let sim = simulator(scene, small);
         (0..300)
@@ -73,7 +73,7 @@ fn boxes_are_those_of_the_mask() {
 }
 
 #[test]
-fn masks_follow_the_lens() {
+fn masks_follow_the_lens_distortion() {
     let camera = |config: &mut SimulatorConfig| {
         config.camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
         config.camera.distortion = BrownConrady {
@@ -111,7 +111,7 @@ fn check_depth(sim: &Simulator, index: usize) {
 }
 
 #[test]
-fn masks_agree_with_depth_taken_at_the_same_moment() {
+fn masks_agree_with_simultaneous_depth() {
     for scene in WITH_PEOPLE {
         let ideal = |config: &mut SimulatorConfig| {
             config.noise = false;
@@ -152,7 +152,7 @@ fn cover(scene: &str, seed: u64) -> [f64; 2] {
 
 /// Takes long: six whole scenes, each with two seeds.
 #[test]
-fn people_cover_as_much_of_the_image_as_the_manual_says() {
+fn image_cover_by_people_matches_the_manual() {
     for seed in [0, 7] {
         for (scene, mean, greatest) in [
             ("walking_xyz", 0.19..0.3, 0.5..0.66),
@@ -189,7 +189,7 @@ fn scenes_without_people_have_an_empty_truth() {
 }
 
 #[test]
-fn the_box_moves_with_its_carrier_and_alone() {
+fn carried_box_is_visible_with_and_without_its_carrier() {
     let sim = simulator("box_carried", small);
     let (mut alone, mut together, mut travel, mut last) = (0, 0, 0.0, None);
     for index in (0..300).step_by(3) {
@@ -213,7 +213,7 @@ fn the_box_moves_with_its_carrier_and_alone() {
 }
 
 #[test]
-fn misspelt_scenes_with_people_are_understood() {
+fn misspelt_scenes_with_people_get_suggestions() {
     let config = SimulatorConfig {
         scene: "walking_xzy".to_owned(),
         ..SimulatorConfig::default()
@@ -236,7 +236,7 @@ fn checksum(bytes: impl Iterator<Item = u8>) -> u64 {
 
 /// Every machine must render these bytes: grey image, depth, mask. After an intended change of people or scenes, update the checksums.
 #[test]
-fn frames_with_people_are_the_same_bits_on_every_machine() {
+fn frames_with_people_match_reference_checksums() {
     let sums = WITH_PEOPLE.map(|scene| {
         let sim = simulator(scene, |c| c.seed = 42);
         let frame = sim.frame(95);
@@ -283,7 +283,7 @@ fn frames_with_people_are_the_same_bits_on_every_machine() {
 }
 
 #[test]
-fn a_scene_takes_as_long_at_any_rate() {
+fn scene_duration_is_independent_of_frame_rate() {
     let at = |rate: f64| {
         Simulator::new(&SimulatorConfig {
             scene: "walking_xyz".to_owned(),

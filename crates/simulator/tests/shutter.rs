@@ -19,7 +19,7 @@ fn simulator(scene: &str, seed: u64) -> Simulator {
 }
 
 #[test]
-fn a_global_shutter_without_exposure_is_the_plain_renderer() {
+fn global_shutter_without_exposure_equals_plain_rendering() {
     // The slowest of the fast paths is that of `rpy`.
     let plain = simulator("rpy", 4).frame_with_colour(70);
     let global = SimulatorConfig {
@@ -36,7 +36,7 @@ fn a_global_shutter_without_exposure_is_the_plain_renderer() {
 }
 
 #[test]
-fn each_setting_changes_its_own_image_alone() {
+fn each_shutter_setting_changes_only_its_own_image() {
     let frame = |change: &dyn Fn(&mut Shutter)| {
         let mut shutter = Shutter::default();
         change(&mut shutter);
@@ -60,7 +60,7 @@ fn each_setting_changes_its_own_image_alone() {
 }
 
 #[test]
-fn a_shutter_that_is_longer_than_a_frame_is_an_error() {
+fn shutter_longer_than_a_frame_is_an_error() {
     let of = |readout: f64, exposure: f64, rate: f64| {
         let shutter = Shutter {
             readout,
@@ -90,7 +90,7 @@ fn a_shutter_that_is_longer_than_a_frame_is_an_error() {
 }
 
 #[test]
-fn the_mask_follows_the_rows_of_the_colour_image() {
+fn mask_follows_the_rolling_shutter_rows() {
     let with = |readout| {
         let shutter = Shutter {
             readout,
@@ -111,7 +111,7 @@ fn the_mask_follows_the_rows_of_the_colour_image() {
 }
 
 #[test]
-fn paths_turn_as_fast_as_their_names_say() {
+fn path_turn_rates_match_their_names() {
     for (scene, peak) in [("rpy_60", 60.0), ("rpy_100", 100.0), ("rpy_150", 150.0)] {
         let tops = (0..4).map(|seed| {
             let sim = simulator(scene, seed);
@@ -131,7 +131,7 @@ fn paths_turn_as_fast_as_their_names_say() {
 }
 
 #[test]
-fn crowds_stand_before_the_camera_from_the_first_frame_on() {
+fn crowds_are_visible_from_the_first_frame() {
     for scene in [
         "crowd_xyz",
         "crowd_static",

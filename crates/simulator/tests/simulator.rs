@@ -14,7 +14,7 @@ fn simulator(scene: &str, seed: u64) -> Simulator {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bytes_in_any_order() {
+fn same_seed_gives_identical_frames_in_any_order() {
     let (a, b) = (simulator("xyz", 5), simulator("xyz", 5));
     let first = a.frame_with_colour(7);
     let _ = b.frame(90);
@@ -28,7 +28,7 @@ fn the_same_seed_gives_the_same_bytes_in_any_order() {
 }
 
 #[test]
-fn another_seed_gives_another_room_noise_and_path() {
+fn other_seed_changes_room_noise_and_path() {
     let (a, b) = (simulator("xyz", 5), simulator("xyz", 6));
     assert_ne!(a.frame(0).gray, b.frame(0).gray);
     assert_ne!(a.frame(0).depth, b.frame(0).depth);
@@ -42,7 +42,7 @@ fn noise_differs_from_frame_to_frame() {
 }
 
 #[test]
-fn the_source_yields_every_frame_in_order_of_time() {
+fn source_yields_every_frame_in_order() {
     let config = SimulatorConfig {
         frames: Some(3),
         ..SimulatorConfig::default()
@@ -61,7 +61,7 @@ fn the_source_yields_every_frame_in_order_of_time() {
 }
 
 #[test]
-fn a_part_of_the_source_has_the_frames_of_the_whole() {
+fn part_of_the_source_equals_the_whole() {
     let sim = || simulator("static", 2);
     let mut part = sim().source().between(40, Some(42));
     for (left, index) in [(1, 40), (0, 41)] {
@@ -78,7 +78,7 @@ fn a_part_of_the_source_has_the_frames_of_the_whole() {
 }
 
 #[test]
-fn an_unknown_scene_is_an_error_that_names_the_nearest() {
+fn unknown_scene_error_names_the_nearest() {
     let config = SimulatorConfig {
         scene: "halfshere".to_owned(),
         ..SimulatorConfig::default()
@@ -106,7 +106,7 @@ fn an_unknown_scene_is_an_error_that_names_the_nearest() {
 
 /// Scaling lengths keeps ideal images, and scales depths, poses and movers' velocities.
 #[test]
-fn a_scene_can_be_of_any_size() {
+fn scene_can_be_scaled() {
     let at = |scale| {
         let config = SimulatorConfig {
             scene: "walking_xyz".to_owned(),
@@ -133,7 +133,7 @@ fn a_scene_can_be_of_any_size() {
 }
 
 #[test]
-fn a_camera_out_of_range_is_an_error() {
+fn out_of_range_camera_is_an_error() {
     let mut tiny = SimulatorConfig::default();
     tiny.camera.width = 3;
     let mut blind = SimulatorConfig::default();
@@ -179,7 +179,7 @@ fn speeds(sim: &Simulator) -> [[f64; 2]; 2] {
 }
 
 #[test]
-fn speeds_are_those_of_hand_held_recordings() {
+fn path_speeds_match_hand_held_recordings() {
     // Mean speeds of fr1_xyz, fr1_rpy and fr3_halfsphere: 0.24 m/s and 9 deg/s, 0.06 m/s and 50 deg/s, 0.2 m/s and 19 deg/s.
     let check = |scene: &str, speed: [f64; 2], rate: [f64; 2], peaks: [f64; 2]| {
         let [[mean_speed, top_speed], [mean_rate, top_rate]] = speeds(&simulator(scene, 3));
@@ -217,7 +217,7 @@ fn speeds_are_those_of_hand_held_recordings() {
 }
 
 #[test]
-fn the_loop_is_long_passes_both_rooms_and_closes() {
+fn loop_walk_is_long_passes_both_rooms_and_closes() {
     let sim = simulator("loop_two_rooms", 0);
     let poses = sim.ground_truth();
     let length: f64 = poses
@@ -240,7 +240,7 @@ fn the_loop_is_long_passes_both_rooms_and_closes() {
 }
 
 #[test]
-fn recorded_depth_has_the_noise_range_and_holes_of_a_kinect() {
+fn simulated_depth_has_kinect_noise_range_and_holes() {
     for scene in ["xyz", "halfsphere", "loop_two_rooms"] {
         let config = |noise| SimulatorConfig {
             scene: scene.to_owned(),
@@ -285,7 +285,7 @@ fn checksum(bytes: impl Iterator<Item = u8>) -> u64 {
 
 /// Every machine must render these bytes. After an intended change of scenes or sensor, update the checksums.
 #[test]
-fn frames_are_the_same_bits_on_every_machine() {
+fn frames_match_reference_checksums() {
     let sums = [("xyz", 17), ("loop_two_rooms", 700)].map(|(scene, index)| {
         let frame = simulator(scene, 42).frame(index);
         let depth = frame.depth.data().iter().flat_map(|z| z.to_le_bytes());

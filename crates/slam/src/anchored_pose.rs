@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_that_became_a_keyframe_has_that_ones_pose_as_soon_as_the_map_holds_it() {
+    fn keyframe_frame_takes_its_pose_from_the_map() {
         let pose = |keyframe: Option<u32>| AnchoredPose {
             keyframe: keyframe.map(KeyframeId),
             reference: KeyframeId(0),

@@ -147,7 +147,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn plenty_of_time_changes_nothing() {
+    fn ample_budget_keeps_the_full_configuration() {
         let config = Config::default();
         let plan = Plan::new(&config, 1e4, &CostTable::REFERENCE);
         assert!(plan.fits);
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn no_time_leaves_the_least_and_says_so() {
+    fn zero_budget_gives_minimum_effort_that_does_not_fit() {
         let config = Config::default();
         for budget in [0.0, -1.0, f64::NAN] {
             let plan = Plan::new(&config, budget, &CostTable::REFERENCE);
@@ -169,7 +169,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_plan_keeps_to_its_time_and_more_time_is_more_work(budget in 1.0..60.0_f64, more in 0.0..30.0_f64) {
+        fn plan_fits_its_budget_and_effort_grows_with_it(budget in 1.0..60.0_f64, more in 0.0..30.0_f64) {
             let config = Config::default();
             let plan = |ms| Plan::new(&config, ms, &CostTable::REFERENCE);
             let (tight, wide) = (plan(budget), plan(budget + more));
@@ -182,7 +182,7 @@ mod tests {
         }
 
         #[test]
-        fn the_more_wait_the_less_is_done(waiting in 0..100_usize, neighbours in 0..100_u32, window in 1..100_u32) {
+        fn mapping_effort_falls_with_queue_length(waiting in 0..100_usize, neighbours in 0..100_u32, window in 1..100_u32) {
             let all = MappingEffort { neighbours, window };
             let (some, less) = (all.shared(waiting), all.shared(waiting + 1));
             prop_assert_eq!(all.shared(0), all);

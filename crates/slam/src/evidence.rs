@@ -94,7 +94,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_pixel_has_a_cell(x in any::<f32>(), y in any::<f32>(), w in any::<u32>(), h in any::<u32>()) {
+        fn every_pixel_maps_to_exactly_one_cell(x in any::<f32>(), y in any::<f32>(), w in any::<u32>(), h in any::<u32>()) {
             let mut cells = Cells::default();
             cells.add([x, y], w, h);
             prop_assert_eq!(cells.0.count_ones(), 1);
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_tell_where_inliers_lie() {
+    fn occupied_cells_match_inlier_positions() {
         let mut cells = Cells::default();
         for i in 0..640 {
             cells.add([i as f32, 10.0], 640, 480);

@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gives_the_published_values() {
+    fn fnv1a_matches_published_values() {
         // From the authors' test suite.
         for (text, value) in [
             ("", 0xcbf2_9ce4_8422_2325),

@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_came_twice_or_late_are_refused() {
+    fn repeated_and_late_frames_are_refused() {
         // A repeated frame, and a repeated image with a new number.
         assert_eq!(admitted(&[(0, 0.0), (0, 0.0), (1, 0.1)]), [0, 1]);
         assert_eq!(admitted(&[(0, 0.0), (1, 0.0), (2, 0.1), (3, 0.1)]), [0, 2]);
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_was_set_back_costs_one_frame() {
+    fn clock_set_back_loses_only_one_frame() {
         for back in [3600.0, 0.05] {
             let mut frames: Vec<(u32, f64)> =
                 (0..10).map(|i| (i, 100.0 + 0.1 * f64::from(i))).collect();
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn every_reason_is_reported() {
+    fn refusals_report_their_reason() {
         let mut gate = FrameGate::new(&camera());
         assert_eq!(gate.admit(&frame(4, 1.0)), Ok(()));
         let mut refused = |change: fn(&mut RgbdFrame), text: &str| {

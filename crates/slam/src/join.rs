@@ -139,7 +139,7 @@ mod tests {
     use stillpoint_geometry::Vec6;
 
     #[test]
-    fn a_rigid_motion_is_found_and_what_bends_is_told() {
+    fn rigid_fit_is_exact_and_reports_the_bending() {
         let motion = Se3::exp(&Vec6::new(1.0, -2.0, 0.5, 0.3, -2.0, 0.7));
         let pose = |k: u32| {
             let k = f64::from(k);

@@ -50,7 +50,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_holds_what_a_tree_holds(rounds in prop::collection::vec(prop::collection::vec(0_u32..300, 0..40), 1..6)) {
+        fn landmark_set_matches_a_btree_set(rounds in prop::collection::vec(prop::collection::vec(0_u32..300, 0..40), 1..6)) {
             let mut set = LandmarkSet::default();
             for round in rounds {
                 let mut tree = BTreeSet::new();

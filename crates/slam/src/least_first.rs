@@ -35,7 +35,7 @@ mod tests {
     use std::collections::BinaryHeap;
 
     #[test]
-    fn the_least_cost_comes_first_and_of_equals_the_least_node() {
+    fn queue_orders_by_cost_then_by_node() {
         let reached = |(cost, node)| Reached {
             cost,
             node,

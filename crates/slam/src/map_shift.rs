@@ -53,7 +53,7 @@ mod tests {
     use stillpoint_map::{KeyframeId, Map};
 
     #[test]
-    fn what_moved_is_counted_and_the_farthest_is_found() {
+    fn moved_keyframes_are_counted_with_the_maximum_shift() {
         let data = Arc::new(crate::synthetic::blank_keyframe(0.0));
         let mut map = Map::new(8, 1.2);
         for k in 0..4 {

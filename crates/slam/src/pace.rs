@@ -62,7 +62,7 @@ mod tests {
     use stillpoint_imaging::{DepthImage, GrayImage};
 
     #[test]
-    fn what_frames_say_counts_by_time() {
+    fn frame_weight_is_proportional_to_its_interval() {
         for (seconds, expected) in [
             (None, 1.0),
             (Some(1.0 / 30.0), 1.0),
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dropped_frame_does_not_change_the_pace() {
+    fn dropped_frame_keeps_the_frame_weight() {
         let worths = |frames: &[(u32, f64)]| -> Vec<f32> {
             let mut pace = Pace::default();
             let frame = |(id, stamp): (u32, f64)| RgbdFrame {

@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn memory_is_used_again_unless_somebody_holds_it() {
+    fn buffer_is_reused_unless_shared() {
         let first = refill(None, |v: &mut Vec<u8>| v.push(1));
         let place = Arc::as_ptr(&first);
         let second = refill(Some(first), |v| v.push(2));
@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_come_back_empty_with_their_memory() {
+    fn recycled_lists_are_empty_and_keep_capacity() {
         let mut lists = Lists::default();
         lists.give(vec![1, 2, 3]);
         let again: Vec<i32> = lists.take();

@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_exposed_comes_back_to_its_stamp() {
+    fn exposure_correction_round_trips() {
         let camera = camera();
         let (shutter, v) = (Shutter::new(&camera, &TIMING), velocity());
         for p in [[0.3, 0.4, 1.2], [-0.6, -0.5, 2.0], [0.1, 0.0, 4.0]] {
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn the_depth_at_the_time_of_a_row_is_that_at_the_stamp_moved_on() {
+    fn row_depth_is_the_stamp_depth_moved_by_velocity() {
         let camera = camera();
         let (shutter, v) = (Shutter::new(&camera, &TIMING), velocity());
         for (pixel, raw_y, z) in [([500.0, 40.0], 40.0, 1.5), ([90.0, 430.0], 430.0, 3.0)] {
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn the_middle_row_and_a_global_shutter_are_exposed_at_the_stamp() {
+    fn middle_row_and_global_shutter_need_no_correction() {
         let camera = Camera::pinhole(640, 480, [520.0, 520.0, 319.5, 239.5]);
         let (rolling, v) = (Shutter::new(&camera, &TIMING), velocity());
         let global = Shutter::new(&camera, &Timing::default());
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_of_the_readout_counts_as_well() {
+    fn pixel_sigma_includes_the_readout_uncertainty() {
         let camera = camera();
         let known = Shutter::new(&camera, &TIMING);
         let nothing = Timing {

@@ -47,7 +47,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_kept_comes_back(readout in 0.0..0.1, readout_sigma in 0.0..0.1) {
+        fn readout_round_trips_through_bytes(readout in 0.0..0.1, readout_sigma in 0.0..0.1) {
             let timing = Timing { readout, readout_sigma, depth_delay: 0.01 };
             let bytes = timing.to_extension().bytes;
             prop_assert_eq!(Timing::readout_in(&bytes), Some([readout, readout_sigma]));
@@ -55,7 +55,7 @@ mod tests {
         }
 
         #[test]
-        fn any_bytes_are_a_readout_or_none(bytes in prop::collection::vec(any::<u8>(), 0..24)) {
+        fn arbitrary_bytes_give_a_valid_readout_or_none(bytes in prop::collection::vec(any::<u8>(), 0..24)) {
             if let Some(both) = Timing::readout_in(&bytes) {
                 prop_assert!(bytes.len() == 16 && both.iter().all(|n| (0.0..=0.1).contains(n)));
             }

@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_are_compared_over_half_a_second_without_a_break() {
+    fn poses_are_compared_over_uninterrupted_half_seconds() {
         let mut trust = Trust::<()>::default();
         let mut compared = Vec::new();
         for k in 0..60 {
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_confirms_rest_does_not_and_three_failures_refute() {
+    fn rotation_confirms_and_three_failures_refute() {
         let mut trust = Trust::<()>::default();
         assert!(trust.compare(turn(0.0, 0.001), true) && !trust.is_confirmed());
         assert!(trust.compare(turn(0.3, 0.03), true) && trust.is_confirmed());
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_yet_refutes_nobody() {
+    fn unknown_bias_is_tolerated_in_comparisons() {
         let still = |off, unknown| Comparison::of_turn(0.0, &Vec3::new(off, 0.0, 0.0), unknown);
         // Half a second of a bias of 3 deg/s, before and after it was measured.
         assert!(still(0.026, 0.0085).agrees && !still(0.026, 0.001).agrees);
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_never_agrees_is_refuted_also_where_much_moves() {
+    fn never_agreeing_sensor_is_refuted_in_dynamic_scenes() {
         let mut trust = Trust::<()>::default();
         for k in 0..5 {
             assert!(!trust.contradicts(), "{k}");
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn who_was_confirmed_may_stand_against_all_that_is_seen() {
+    fn confirmed_sensor_may_contradict_the_view() {
         let mut trust = Trust::<()>::default();
         trust.compare(turn(0.3, 0.0), true);
         (0..100).for_each(|_| trust.stand_against());
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_confirms_and_another_one_refutes_as_turns_do() {
+    fn translations_confirm_or_refute_like_rotations() {
         let motion = |moved, shift| Comparison::of_motion(0.0, &Vec3::zeros(), moved, shift);
         assert!(motion(0.3, 0.04).agrees && motion(0.3, 0.04).tells);
         assert!(!motion(0.3, 0.06).agrees && !motion(0.03, 0.01).tells);

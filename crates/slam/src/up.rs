@@ -53,7 +53,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_kept_comes_back(vector in prop::array::uniform3(-5.0..5.0_f64)) {
+        fn direction_round_trips_through_bytes(vector in prop::array::uniform3(-5.0..5.0_f64)) {
             let Some(up) = Up::along(&vector.into()) else { return Ok(()) };
             let bytes = up.to_extension().bytes;
             prop_assert_eq!(Up::from_bytes(&bytes), Some(up));
@@ -61,7 +61,7 @@ mod tests {
         }
 
         #[test]
-        fn any_bytes_are_a_direction_or_none(bytes in prop::collection::vec(any::<u8>(), 0..32)) {
+        fn arbitrary_bytes_give_a_unit_vector_or_none(bytes in prop::collection::vec(any::<u8>(), 0..32)) {
             if let Some(up) = Up::from_bytes(&bytes) {
                 prop_assert!(bytes.len() == 24 && UNIT.contains(&up.vector().norm()));
             }
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_direction_is_none() {
+    fn invalid_vectors_have_no_direction() {
         assert_eq!(Up::along(&Vec3::zeros()), None);
         assert_eq!(Up::along(&Vec3::new(f64::NAN, 0.0, 1.0)), None);
         assert_eq!(Up::from_bytes(&[0; 24]), None);

@@ -48,7 +48,7 @@ fn go_on(walk: &mut Walk, keyframes: u32) -> (Vec<LoopReport>, Vec<f64>) {
 }
 
 #[test]
-fn a_path_that_comes_back_is_closed_and_straightened() {
+fn returning_path_is_closed_and_corrected() {
     let around = 150;
     let run = || {
         let mut walk = Walk::new(World::new(STEP_M * f64::from(around)));
@@ -95,7 +95,7 @@ fn a_path_that_comes_back_is_closed_and_straightened() {
 }
 
 #[test]
-fn an_equal_place_is_no_loop() {
+fn identical_place_is_no_loop() {
     let around = 200;
     let length = STEP_M * f64::from(around);
     let world = World::new(length).with_copy(0.5 * length, 10.0);
@@ -112,7 +112,7 @@ fn an_equal_place_is_no_loop() {
 /// A path with gaps drifts there, as its ties state: places in view on both sides are closed, and so is the round.
 /// Control: an equal place on the same path is rejected, despite the uncertainty of the gaps.
 #[test]
-fn a_path_with_gaps_is_closed_and_an_equal_place_on_it_is_not() {
+fn path_with_gaps_closes_but_not_at_identical_places() {
     let around = 150;
     let length = STEP_M * f64::from(around);
     let mut walk = Walk::new(World::new(length)).with_gaps(25);
@@ -131,7 +131,7 @@ fn a_path_with_gaps_is_closed_and_an_equal_place_on_it_is_not() {
 /// After a gap the view ahead is mapped a second time, some centimetres off. It is too recent for recognition by
 /// appearance, but its position is known.
 #[test]
-fn what_should_be_in_sight_is_looked_for_and_closes_a_gap() {
+fn expected_landmarks_are_searched_to_close_a_gap() {
     let length = STEP_M * 150.0;
     let gap = 25;
     let run = || {

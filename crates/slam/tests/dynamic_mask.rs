@@ -165,7 +165,7 @@ fn score_with_slam(room: &Room) -> Score {
 }
 
 #[test]
-fn people_who_walk_are_masked_as_well_as_with_slam_on_top() {
+fn walking_people_are_masked_as_well_as_with_slam() {
     let slam = score_with_slam(&WALKING);
     for poses in [false, true] {
         let alone = score(&WALKING, poses, false);
@@ -186,7 +186,7 @@ fn people_who_walk_are_masked_as_well_as_with_slam_on_top() {
 }
 
 #[test]
-fn a_room_without_people_is_hardly_masked() {
+fn empty_room_is_hardly_masked() {
     let slam = score_with_slam(&EMPTY);
     for poses in [false, true] {
         let alone = score(&EMPTY, poses, false);
@@ -198,7 +198,7 @@ fn a_room_without_people_is_hardly_masked() {
 }
 
 #[test]
-fn verdicts_of_any_pixels_agree_with_the_mask() {
+fn pixel_verdicts_agree_with_the_mask() {
     let room = &WALKING;
     let mut filter = filter(room);
     assert!(filter.verdicts(&[[10.0, 10.0]]).is_empty());
@@ -223,7 +223,7 @@ fn verdicts_of_any_pixels_agree_with_the_mask() {
 }
 
 #[test]
-fn the_camera_is_followed_without_a_map() {
+fn camera_is_tracked_without_a_map() {
     let (room, simulator) = (&WALKING, &WALKING.simulator);
     let mut filter = filter(room);
     let first = simulator.stamp(FRAMES.start);
@@ -242,7 +242,7 @@ fn the_camera_is_followed_without_a_map() {
 }
 
 #[test]
-fn what_cannot_be_looked_at_is_refused_or_survived() {
+fn unusable_frames_are_refused_or_tolerated() {
     let (room, camera) = (&WALKING, *WALKING.simulator.camera());
     let off = {
         let mut config = Config::default();
@@ -274,7 +274,7 @@ fn what_cannot_be_looked_at_is_refused_or_survived() {
 
 /// Invalid cameras are refused with a message before any computation.
 #[test]
-fn a_camera_that_cannot_be_is_refused() {
+fn invalid_camera_models_are_refused() {
     use stillpoint_geometry::{BrownConrady, Camera};
     use stillpoint_slam::Stages;
     let good = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
@@ -322,7 +322,7 @@ fn a_camera_that_cannot_be_is_refused() {
 
 /// The smallest accepted image causes no failure.
 #[test]
-fn the_smallest_image_is_survived() {
+fn smallest_image_is_processed() {
     use stillpoint_geometry::Camera;
     use stillpoint_imaging::{DepthImage, GrayImage};
     let camera = Camera::pinhole(16, 16, [16.0, 16.0, 7.5, 7.5]);

@@ -127,7 +127,7 @@ fn look(
 }
 
 #[test]
-fn outlines_of_who_walks_are_theirs() {
+fn outlines_of_walking_people_are_accurate() {
     let (mut masks, mut cells) = (Score::default(), Score::default());
     for scene in ["walking_xyz", "walking_static"] {
         look(scene, FRAMES, |i, frame, simulator, (segments, mask)| {
@@ -162,7 +162,7 @@ fn outlines_of_who_walks_are_theirs() {
 }
 
 #[test]
-fn nothing_of_a_room_without_people_is_masked() {
+fn empty_room_is_not_masked() {
     for scene in ["xyz", "halfsphere", "rpy", "static"] {
         let (mut masked, mut all) = (0, 0);
         look(scene, FRAMES, |_, _, _, (_, mask)| {

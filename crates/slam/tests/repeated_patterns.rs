@@ -68,7 +68,7 @@ fn moving(step: usize) -> f64 {
 
 /// Without the second search all of the repetitive half moves.
 #[test]
-fn what_looks_like_its_neighbour_is_looked_for_again_where_it_should_be() {
+fn repetitive_pattern_is_searched_at_its_expected_place() {
     for step in [0, PERIOD] {
         let share = moving(step);
         assert!(share < 0.01, "{share} of it moves after {step} px");

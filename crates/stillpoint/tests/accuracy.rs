@@ -116,7 +116,7 @@ fn static_scenes_are_tracked() {
 /// A long walk about a static desk, at 15 Hz. Counting landmarks confirmed by three keyframes is a poor criterion: with
 /// it the walk had five keyframes, and twice the error.
 #[test]
-fn a_long_static_walk_has_keyframes_where_its_map_needs_them() {
+fn long_static_walk_adds_keyframes_only_where_needed() {
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "halfsphere".into(),
         frames: Some(150),
@@ -150,7 +150,7 @@ fn a_long_static_walk_has_keyframes_where_its_map_needs_them() {
 }
 
 #[test]
-fn a_late_map_costs_no_frame() {
+fn delayed_map_loses_no_frame() {
     let simulator = simulator("xyz", 90);
     let delays = [1, 5];
     let configs = delays.map(|delay| {
@@ -167,7 +167,7 @@ fn a_late_map_costs_no_frame() {
 }
 
 #[test]
-fn black_frames_are_lost_with_a_reason_and_then_tracking_goes_on() {
+fn black_frames_are_lost_and_tracking_resumes() {
     let simulator = simulator("xyz", 60);
     let black = 30..35;
     let (system, outcomes) = run(&simulator, Config::default(), |i, frame| {
@@ -190,7 +190,7 @@ fn black_frames_are_lost_with_a_reason_and_then_tracking_goes_on() {
 }
 
 #[test]
-fn a_first_frame_without_depth_does_not_start_a_map() {
+fn frames_without_depth_do_not_start_a_map() {
     let simulator = simulator("xyz", 5);
     let (_, outcomes) = run(&simulator, Config::default(), |i, frame| {
         if i < 2 {
@@ -215,7 +215,7 @@ fn a_first_frame_without_depth_does_not_start_a_map() {
 
 /// Slow: renders and tracks 150 frames twice. A Kinect's readout is found in `relocalisation::real`.
 #[test]
-fn the_readout_is_found_where_there_is_one() {
+fn global_shutter_readout_is_estimated_near_zero() {
     // The simulator's shutter is global: no readout may be found from any initial value.
     let simulator = simulator("rpy", 150);
     let starts = [0.0, 0.02];
@@ -234,7 +234,7 @@ fn the_readout_is_found_where_there_is_one() {
 /// A camera that turns at 130 degrees per second from the first frame on: the first frame's motion and the readout are
 /// unknown. Control: assuming a global shutter bends the map.
 #[test]
-fn a_map_that_begins_in_a_fast_turn_is_not_bent_by_the_shutter() {
+fn map_started_in_a_fast_turn_is_corrected_for_shutter() {
     let shutter = Shutter {
         readout: 0.02,
         depth_readout: 0.02,

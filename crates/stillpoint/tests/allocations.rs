@@ -43,7 +43,7 @@ fn steady_frames(config: Config) -> Vec<u64> {
 }
 
 #[test]
-fn a_frame_that_becomes_no_keyframe_asks_for_nothing_but_its_report() {
+fn non_keyframes_allocate_only_their_report() {
     let counts = steady_frames(Config::default());
     assert!(counts.len() > 40, "{counts:?}");
     let mut sorted = counts.clone();
@@ -57,7 +57,7 @@ fn a_frame_that_becomes_no_keyframe_asks_for_nothing_but_its_report() {
 
 /// Control: allocations within a frame's span are counted, others and those of other threads are not.
 #[test]
-fn what_is_asked_for_is_counted() {
+fn allocations_within_a_frame_span_are_counted() {
     let count = |work: &dyn Fn()| {
         counting::take();
         tracing::subscriber::with_default(Spans, || {

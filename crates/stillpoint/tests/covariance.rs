@@ -19,7 +19,7 @@ fn timed((stamp, world_from_camera): (f64, Se3)) -> TimedPose {
 
 /// Slow, because map drift builds up slowly.
 #[test]
-fn intervals_of_ninety_percent_hold_the_truth_on_a_way_through_rooms() {
+fn ninety_percent_intervals_cover_the_truth() {
     let camera = Camera::pinhole(320, 240, [262.5, 262.5, 159.5, 119.5]);
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "loop_two_rooms".into(),

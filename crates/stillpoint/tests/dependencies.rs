@@ -245,7 +245,7 @@ fn compare(what: &str, found: &Edges, table: &Edges) {
 }
 
 #[test]
-fn every_edge_is_in_the_table_and_every_permission_is_used() {
+fn crate_dependencies_match_the_allowed_table() {
     let (names, normal, tests) = workspace();
     let known: BTreeSet<String> = NORMAL.iter().map(|(name, _)| (*name).to_owned()).collect();
     assert_eq!(names, known, "crates of the workspace and of the table");
@@ -263,7 +263,7 @@ fn every_edge_is_in_the_table_and_every_permission_is_used() {
 
 /// A manifest entry without use in the source keeps a permission open.
 #[test]
-fn every_import_is_mentioned_in_the_source() {
+fn every_dependency_is_used_in_the_source() {
     let (_, normal, tests) = workspace();
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mentioned = |(from, to): &(String, String), folders: &[&str]| {
@@ -318,7 +318,7 @@ fn brought_by_the_facade(features: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn the_facade_brings_networks_and_tls_only_where_they_are_asked_for() {
+fn facade_pulls_heavy_dependencies_only_by_feature() {
     let heavy = [
         ("inference", "rten"),
         ("onnxruntime", "ort"),
@@ -348,7 +348,7 @@ fn the_facade_brings_networks_and_tls_only_where_they_are_asked_for() {
 }
 
 #[test]
-fn the_core_reaches_nothing_outside() {
+fn core_crates_do_not_reach_outer_crates() {
     let (_, normal, _) = workspace();
     let mut next: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for (from, to) in &normal {
@@ -367,7 +367,7 @@ fn the_core_reaches_nothing_outside() {
 
 /// A crate's `clippy.toml` replaces that of the workspace, so each core crate has a copy of the bans.
 #[test]
-fn core_crates_hold_the_same_bans() {
+fn core_crates_share_the_same_clippy_bans() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let read = |path: &str| {
         std::fs::read_to_string(root.join(path)).unwrap_or_else(|e| panic!("{path}: {e}"))

@@ -71,7 +71,7 @@ fn anchors(text: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn every_link_leads_somewhere() {
+fn every_document_link_is_valid() {
     let (root, docs) = (root(), root().join("docs"));
     let mut files = markdown(&docs);
     for name in [
@@ -122,7 +122,7 @@ fn every_link_leads_somewhere() {
 }
 
 #[test]
-fn the_book_has_every_document_once() {
+fn book_summary_lists_every_document_once() {
     let docs = root().join("docs");
     let summary = fs::read_to_string(docs.join("SUMMARY.md")).unwrap();
     let chapters = links(&summary);
@@ -145,7 +145,7 @@ fn the_book_has_every_document_once() {
 const LONGEST: usize = 600;
 
 #[test]
-fn pages_of_the_manual_begin_with_what_to_type_and_are_short() {
+fn manual_pages_begin_with_a_command_and_are_short() {
     let pages = markdown(&root().join("docs/manual"));
     assert!((1..=12).contains(&pages.len()), "{} pages", pages.len());
     for page in pages {
@@ -160,7 +160,7 @@ fn pages_of_the_manual_begin_with_what_to_type_and_are_short() {
 }
 
 #[test]
-fn links_and_headings_are_found() {
+fn links_and_headings_are_parsed() {
     let text = "# A b: `c`\n[x](a.md#b) `[no](no.md)`\n```\n[no](no.md)\n# no\n```\n## A b c\n";
     assert_eq!(links(text), ["a.md#b"]);
     let expected = ["a-b-c", "a-b-c-1"].map(str::to_owned);

@@ -41,7 +41,7 @@ fn described(manifest: &Path) -> Vec<serde_json::Value> {
 }
 
 #[test]
-fn front_ends_are_workspaces_of_their_own_above_the_facade() {
+fn front_ends_are_separate_workspaces_on_the_facade() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let (names, ..) = workspace();
     for (folder, allowed) in FRONT_ENDS {
@@ -63,7 +63,7 @@ fn front_ends_are_workspaces_of_their_own_above_the_facade() {
 /// A front end must be released and tested with the versions of the workspace. As it is not compiled here, only this
 /// test detects a mismatch.
 #[test]
-fn lock_files_of_front_ends_know_what_our_crates_need() {
+fn front_end_lock_files_match_the_workspace() {
     const AGAIN: &str = "see \"The Python package\" in CONTRIBUTING.md";
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let (ours, crates) = (locked(&root), described(&root.join("Cargo.toml")));

@@ -51,7 +51,7 @@ fn turn_error(reports: &[FrameReport], truth: &[(f64, Se3)]) -> Option<f64> {
 
 /// Two people fill nine tenths of the view for three seconds while the camera turns by 60 degrees.
 #[test]
-fn a_blocked_view_costs_no_frame() {
+fn blocked_view_loses_no_frame() {
     let scene = Rendered::new("blocked_turn", 140, 20.0);
     let imu = SimulatedImu::default();
     let truth = scene.truth();
@@ -72,7 +72,7 @@ fn a_blocked_view_costs_no_frame() {
 }
 
 #[test]
-fn a_run_with_samples_replays_bit_for_bit_and_needs_them() {
+fn inertial_run_replays_exactly_and_needs_its_samples() {
     let scene = Rendered::new("walking_rpy", 30, 30.0);
     let imu = SimulatedImu::default();
     let (_, log) = run(stages(&scene, Some(&imu)), &scene, &imu);
@@ -109,7 +109,7 @@ fn is_inertial(entry: &stillpoint::slam::LogEntry) -> bool {
 
 /// Mounting wrong by two degrees, clock by 8 ms.
 #[test]
-fn mount_and_clock_are_found_while_the_camera_turns() {
+fn mount_and_time_offset_are_calibrated_by_turning() {
     let scene = Rendered::new("rpy", 240, 30.0);
     let right = SimulatedImu::default();
     let mut stated = right.model.turned(Vec3::new(0.02, -0.02, 0.02));
@@ -136,7 +136,7 @@ fn mount_and_clock_are_found_while_the_camera_turns() {
 }
 
 #[test]
-fn a_sensor_that_is_mounted_otherwise_is_noticed_and_ignored() {
+fn wrongly_mounted_sensor_is_detected_and_ignored() {
     let scene = Rendered::new("rpy", 120, 30.0);
     let imu = SimulatedImu::default();
     let right = stages(&scene, Some(&imu));
@@ -167,7 +167,7 @@ fn a_sensor_that_is_mounted_otherwise_is_noticed_and_ignored() {
 /// In a crowd some person moves consistently with any sensor, with an independent translation: an unconfirmed sensor
 /// must not support that motion.
 #[test]
-fn a_sensor_that_is_mounted_otherwise_does_no_harm_in_a_crowd() {
+fn wrongly_mounted_sensor_does_no_harm_in_a_crowd() {
     let scene = Rendered::new("crowd_halfsphere", 40, 30.0);
     let imu = SimulatedImu::default();
     let quarter = Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);

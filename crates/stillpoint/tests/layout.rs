@@ -57,7 +57,7 @@ fn every_crate_has_one_test_binary() {
 
 /// Test discovery is disabled here, so a file that no module declares would never be built.
 #[test]
-fn every_file_of_tests_is_built() {
+fn every_test_file_is_declared_as_a_module() {
     for krate in crates() {
         let tests = krate.join("tests");
         let mut folders = vec![(tests.clone(), tests.join("main.rs"))];
@@ -104,7 +104,7 @@ fn has_example(text: &str) -> bool {
 /// Searching for examples takes seconds per crate: crates without any disable doc tests, and must enable them with
 /// their first example.
 #[test]
-fn doc_tests_look_where_there_are_examples() {
+fn doc_tests_are_enabled_where_examples_exist() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut looked_through = 0;
     for entry in fs::read_dir(root).unwrap() {
@@ -134,7 +134,7 @@ fn doc_tests_look_where_there_are_examples() {
 }
 
 #[test]
-fn examples_are_told_from_other_text() {
+fn doc_examples_are_distinguished_from_other_text() {
     assert!(has_example("/// ```\n/// let x = 1;\n/// ```\n"));
     assert!(has_example("    //! ```no_run\n"));
     assert!(!has_example(

@@ -109,7 +109,7 @@ fn cycle(edges: &Edges) -> Option<Vec<String>> {
 }
 
 #[test]
-fn modules_of_slam_import_each_other_in_one_direction() {
+fn slam_module_imports_are_acyclic() {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("../slam/src");
     let edges = edges(&src);
     for stage in ["tracking", "mapping", "looping", "static_filter"] {
@@ -133,7 +133,7 @@ fn modules_of_slam_import_each_other_in_one_direction() {
 }
 
 #[test]
-fn stages_do_not_know_the_configuration_or_each_other() {
+fn stages_do_not_import_configuration_or_each_other() {
     let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("../slam/src");
     let edges = edges(&src);
     for stage in ["tracking", "mapping", "looping", "static_filter"] {
@@ -147,7 +147,7 @@ fn stages_do_not_know_the_configuration_or_each_other() {
 }
 
 #[test]
-fn circles_and_names_are_found() {
+fn imports_and_cycles_are_parsed() {
     let text = "use crate::a::B;\n// crate::comment::X\nuse crate::{b::{C, D}, c::E};\nfn f() { crate::d::g(); }\n\
         #[cfg(test)]\nmod tests { use crate::test::T; }";
     let names: Vec<String> = named(text).into_iter().collect();

@@ -55,7 +55,7 @@ fn state(reports: &[FrameReport]) -> Option<OdometryState> {
 /// Two people fill nine tenths of the view for three seconds while the camera moves sideways by 0.8 m, or turns by 60
 /// degrees.
 #[test]
-fn a_blocked_view_costs_neither_frame_nor_place() {
+fn blocked_view_loses_neither_frames_nor_accuracy() {
     for name in ["blocked_walk", "blocked_turn"] {
         let scene = Rendered::with_seed(name, 140, 20.0, 1);
         let wheels = SimulatedOdometry::default();
@@ -118,7 +118,7 @@ fn first_half_second_off(system: &System, truth: &[(f64, Se3)]) -> f64 {
 /// Two walking people fill the view from the first frame on. Tracking backwards over the first second the same happens,
 /// but then the odometry is confirmed.
 #[test]
-fn a_beginning_that_rode_on_people_is_posed_anew_by_the_wheels() {
+fn wheels_correct_a_start_that_followed_people() {
     let config = SimulatorConfig {
         scene: "crowd_pitch".into(),
         frames: Some(90),
@@ -135,7 +135,7 @@ fn a_beginning_that_rode_on_people_is_posed_anew_by_the_wheels() {
 }
 
 #[test]
-fn a_run_with_odometry_replays_bit_for_bit_and_needs_it() {
+fn odometry_run_replays_exactly_and_needs_its_samples() {
     let scene = Rendered::new("walking_rpy", 30, 30.0);
     let wheels = SimulatedOdometry::default();
     let (_, log) = run(stages(scene.camera(), Some(&wheels)), &scene, &wheels);
@@ -166,7 +166,7 @@ fn a_run_with_odometry_replays_bit_for_bit_and_needs_it() {
 /// Stuck wheels, or a wrong mounting, cost neither frames nor accuracy; wheels that slip for half a second are trusted
 /// again afterwards.
 #[test]
-fn wrong_odometry_is_noticed_and_ignored_and_slipping_wheels_are_survived() {
+fn wrong_odometry_is_ignored_and_slip_is_tolerated() {
     let scene = Rendered::new("xyz", 120, 30.0);
     let truth = scene.truth();
     let right = SimulatedOdometry::default();

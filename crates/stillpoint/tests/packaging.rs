@@ -68,7 +68,7 @@ fn strings(list: &serde_json::Value) -> Vec<&str> {
 }
 
 #[test]
-fn every_crate_says_what_a_registry_asks() {
+fn crates_have_registry_metadata() {
     let packages = published();
     assert!(packages.len() > 20, "{} packages", packages.len());
     for package in &packages {
@@ -99,7 +99,7 @@ fn every_crate_says_what_a_registry_asks() {
 }
 
 #[test]
-fn every_crate_has_its_files() {
+fn crates_have_readme_and_licences() {
     for package in published() {
         let name = package["name"].as_str().unwrap();
         let folder = folder(&package);
@@ -124,7 +124,7 @@ fn every_crate_has_its_files() {
 
 /// A published crate contains only files of its own folder.
 #[test]
-fn sources_include_only_what_lies_in_their_crate() {
+fn sources_include_only_files_of_their_crate() {
     let mut included = 0;
     for package in published() {
         let folder = folder(&package);
@@ -160,7 +160,7 @@ fn sources_include_only_what_lies_in_their_crate() {
 /// Crates are published in the order of dependencies. Tests depend on later crates: a versioned dependency would be
 /// required by the registry, a path alone is omitted when publishing.
 #[test]
-fn crates_can_be_published_one_after_the_other() {
+fn crates_can_be_published_in_dependency_order() {
     let packages = published();
     let own: BTreeSet<&str> = packages
         .iter()
@@ -196,7 +196,7 @@ fn crates_can_be_published_one_after_the_other() {
 }
 
 #[test]
-fn releases_have_the_archives_that_installers_look_for() {
+fn release_archives_match_the_installer_metadata() {
     let packages = published();
     let cli = packages.iter().find(|p| p["name"] == "stillpoint-cli");
     let installer = &cli.unwrap()["metadata"]["binstall"];
@@ -228,7 +228,7 @@ fn releases_have_the_archives_that_installers_look_for() {
 
 /// Archives, packages and the image contain the same documents, and those named by a package exist.
 #[test]
-fn everything_that_is_given_away_has_its_notices() {
+fn every_package_contains_its_notices() {
     let packages = published();
     let cli = packages.iter().find(|p| p["name"] == "stillpoint-cli");
     let deb = &cli.unwrap()["metadata"]["deb"];
@@ -270,7 +270,7 @@ fn everything_that_is_given_away_has_its_notices() {
 /// Mutable names are unsafe for releases: actions are pinned by commit, and the image is built by the oldest supported
 /// compiler.
 #[test]
-fn what_releases_are_made_with_is_pinned() {
+fn release_tools_are_pinned() {
     let mut actions = 0;
     for file in ["ci.yml", "nightly.yml", "release.yml"] {
         let workflow = read(&root().join(".github/workflows").join(file));

@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fifth_is_borne_and_more_is_not() {
+    fn error_may_change_by_a_fifth() {
         for (expected, found, fine) in [
             (10.0, 10.0, true),
             (10.0, 11.9, true),
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn no_frame_is_lost_where_none_was_and_a_fifth_more_where_some_were() {
+    fn lost_frames_may_change_by_a_fifth() {
         for (expected, found, fine) in [
             (100, 100, true),
             (100, 99, false),
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_is_as_it_is_written() {
+    fn table_round_trips_through_its_text() {
         let text = std::fs::read_to_string(file()).expect("the table");
         assert_eq!(print(&parse(&text)), text);
     }

@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_found_and_what_is_missing_is_noted_by_test() {
+    fn used_and_missing_data_is_recorded_per_test() {
         let notes = std::env::temp_dir().join(format!("stillpoint-skips-{}", std::process::id()));
         let output = std::process::Command::new(std::env::current_exe().expect("this program"))
             .args(["--exact", "tests::child_that_asks"])

@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_in_number_differ() {
+    fn consecutive_numbers_have_distinct_colours() {
         for n in 0..200 {
             for step in 1..4 {
                 let (a, b) = (Colour::of_number(n), Colour::of_number(n + step));
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn no_object_looks_like_a_verdict() {
+    fn object_colours_differ_from_verdict_colours() {
         for object in Colour::OBJECTS {
             for verdict in VERDICTS {
                 let d = distance(object, verdict);
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn meanings_differ() {
+    fn verdict_colours_are_distinct() {
         for (i, a) in VERDICTS.iter().enumerate() {
             for b in VERDICTS[..i].iter().chain(&[Colour::UNUSED]) {
                 assert!(distance(*a, *b) > 60.0, "{a:?} {b:?}");

@@ -85,7 +85,7 @@ mod tests {
     use std::io::Cursor;
 
     #[test]
-    fn what_is_written_is_what_was_drawn() {
+    fn png_round_trips() {
         let mut picture = Picture::new(9, 5, Colour::RIGID);
         picture.fill((2, 1), (5, 3), Colour::STATIC, 1.0);
         let mut bytes = Vec::new();
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mask_keeps_its_values() {
+    fn mask_keeps_its_values() {
         let mask = GrayImage::from_vec(3, 2, vec![0, 255, 7, 255, 0, 0]).unwrap();
         let mut bytes = Vec::new();
         write_mask(&mask, &mut bytes).unwrap();
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_no_picture() {
+    fn empty_picture_is_refused() {
         let e = write_png(&Picture::new(0, 5, Colour::BLACK), Vec::new()).unwrap_err();
         assert!(e.to_string().contains("0 x 5"), "{e}");
     }

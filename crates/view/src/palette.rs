@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn many_colours_are_close_and_rare_marks_keep_theirs() {
+    fn many_colours_are_approximated_and_rare_marks_kept() {
         // Every colour of a slice through the cube, and one mark of nine pixels.
         let pixels =
             (0..256 * 256).flat_map(|i| [(i % 256) as u8 / 2 + 60, (i / 256) as u8 / 2 + 60, 120]);
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn what_did_not_change_is_not_drawn_again() {
+    fn unchanged_pixels_are_not_redrawn() {
         let mut p = Picture::new(20, 10, Colour(100, 100, 100));
         let mut shown = Vec::new();
         let first = Palette::of(&p).indices(&p, &mut shown);

@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_legend_takes_the_lines_it_needs() {
+    fn legend_wraps_to_the_width() {
         for (width, most) in [(1280, 1), (640, 1), (320, 2), (160, 4), (40, 8), (0, 8)] {
             let lines = lines(Text::for_width(width).scaled(0.9), width);
             assert_eq!(lines.iter().flatten().count(), LEGEND.len());
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_is_signed_where_there_is_room() {
+    fn picture_is_signed_if_space_allows() {
         let signed = |width: usize, caption: &str| {
             let overlay = Overlay {
                 caption,
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn every_mark_is_explained_in_its_colour() {
+    fn legend_explains_every_mark_in_its_colour() {
         let overlay = Overlay {
             legend: true,
             ..Overlay::default()

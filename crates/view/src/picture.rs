@@ -239,7 +239,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn halves_are_means() {
+    fn halved_pixels_are_means() {
         let mut p = Picture::new(5, 3, Colour::BLACK);
         p.fill((0, 0), (1, 2), Colour::WHITE, 1.0);
         let half = p.halved();
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_outside_is_left_out() {
+    fn drawing_outside_the_picture_is_clipped() {
         let mut p = Picture::new(4, 4, Colour::BLACK);
         p.fill((i64::MIN, i64::MIN), (-1, i64::MAX), Colour::WHITE, 1.0);
         p.blend(4, 0, Colour::WHITE, 1.0);
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_is_a_colour_image() {
+    fn picture_converts_to_a_colour_image() {
         let gray = GrayImage::from_vec(2, 1, vec![7, 200]).unwrap();
         let image = ColourImage::from(Picture::from_gray(&gray));
         assert_eq!(image.at(1, 0), [200, 200, 200]);

@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn discs_cover_their_area_wherever_they_lie() {
+    fn discs_cover_their_area_at_any_subpixel_position() {
         for offset in [0.0f32, 0.25, 0.5, 0.9] {
             let mut p = grey();
             disc(
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn points_that_are_nowhere_draw_nothing() {
+    fn invalid_points_draw_nothing() {
         for point in [
             (f32::NAN, 5.0),
             (5.0, f32::INFINITY),
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn segments_are_as_long_and_wide_as_they_say() {
+    fn segments_have_their_length_and_width() {
         let mut p = grey();
         segment(
             &mut p,
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn dashes_leave_half_of_a_frame_out() {
+    fn dashed_frames_leave_half_out() {
         let line = |dashed, coverage| Line {
             width: 1,
             dashed,

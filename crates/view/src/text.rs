@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn every_printable_sign_has_its_own_glyph() {
+    fn every_printable_character_has_its_own_glyph() {
         let mut seen = BTreeMap::new();
         for c in ('!'..='~').chain(['\u{b0}', '\u{b1}', '\u{b7}', '\u{d7}', '\u{2026}', '\u{e4}']) {
             let picture = written(&c.to_string(), 24.0);
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_are_smooth_and_rows_sharp() {
+    fn text_has_smooth_edges_and_sharp_rows() {
         let p = written("Hello", 17.0);
         let grey = p.data().iter().filter(|v| (32..224).contains(*v)).count();
         assert!(grey > 100, "{grey}");
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_as_wide_as_it_says() {
+    fn text_width_matches_the_drawn_width() {
         for size in [11.0, 17.0, 33.0] {
             let p = written("HELLO H", size);
             let ink = |x: usize| (0..p.height()).any(|y| p.at(x, y).is_some_and(|c| c.0 > 90));
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn capitals_can_be_read_even_when_halved() {
+    fn capitals_are_legible_even_when_halved() {
         for (width, least) in [(320, 7), (640, 12), (752, 13), (1280, 22), (64, 7)] {
             let found = Text::for_width(width).capitals();
             assert!(found >= least, "{width}: {found}");

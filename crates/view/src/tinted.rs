@@ -31,7 +31,7 @@ mod tests {
     use stillpoint_imaging::{DepthImage, FrameId, GrayImage};
 
     #[test]
-    fn who_moves_is_tinted_and_the_rest_stays() {
+    fn only_moving_regions_are_tinted() {
         let near = |i: usize| (24..40).contains(&(i % 64)) && i / 64 > 15;
         let pixels = 64 * 48;
         let frame = RgbdFrame {

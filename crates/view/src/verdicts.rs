@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_confirmed_and_moves_is_drawn_unless_all_is_asked_for() {
+    fn only_confirmed_movers_are_drawn_by_default() {
         let style = |labels| Style {
             labels,
             ..Style::default()
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn banners_have_the_words_of_frames_csv() {
+    fn state_banners_use_the_words_of_frames_csv() {
         let page = include_str!("report/page/data.js");
         let words = FrameState::ALL.map(|state| format!("\"{}\"", state.name()));
         let expected = format!("const STATES = [{}];", words.join(", "));
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn the_colour_is_that_of_the_reason_that_says_most() {
+    fn colour_shows_the_strongest_reason() {
         let all = Reasons::AGE | Reasons::RIGID | Reasons::OBJECT;
         assert_eq!(colour_of(all), Colour::SEMANTIC);
         assert_eq!(colour_of(Reasons::AGE | Reasons::RIGID), Colour::RIGID);

@@ -50,7 +50,7 @@ fn decode(bytes: &[u8]) -> (Vec<Vec<u8>>, Vec<u16>) {
 }
 
 #[test]
-fn every_frame_is_there() {
+fn animation_contains_every_frame() {
     let options = AnimationOptions {
         every: 1,
         halve: false,
@@ -81,7 +81,7 @@ fn subsampling_keeps_every_nth_frame_at_half_size_and_the_speed() {
 }
 
 #[test]
-fn one_frame_is_a_still_picture_too() {
+fn single_frame_animation_is_valid() {
     let options = AnimationOptions {
         every: 0,
         frames_per_second: f64::NAN,
@@ -104,7 +104,7 @@ fn rounded_delays_add_up_to_the_length_of_the_recording() {
 }
 
 #[test]
-fn it_begins_where_the_sink_stands() {
+fn animation_starts_at_the_sink_position() {
     let mut sink = Vec::new();
     sink.write_all(b"before").unwrap();
     let mut animation = Animation::new(sink, AnimationOptions::default());
@@ -130,7 +130,7 @@ impl Write for Full {
 }
 
 #[test]
-fn a_full_disk_is_an_error() {
+fn full_disk_is_an_error() {
     let options = AnimationOptions {
         every: 1,
         ..AnimationOptions::default()
@@ -144,7 +144,7 @@ fn a_full_disk_is_an_error() {
 }
 
 #[test]
-fn what_cannot_be_animated_is_refused() {
+fn invalid_animations_are_refused() {
     let animation = Animation::new(Vec::new(), AnimationOptions::default());
     assert!(matches!(animation.finish(), Err(ViewError::NoFrames)));
     let mut animation = Animation::new(Vec::new(), AnimationOptions::default());
@@ -177,7 +177,7 @@ fn noisy(width: usize, height: usize) -> Picture {
 }
 
 #[test]
-fn an_animation_is_far_smaller_than_its_stills() {
+fn animation_is_far_smaller_than_its_stills() {
     let picture = noisy(320, 240);
     let mut still = Vec::new();
     write_png(&picture, &mut still).unwrap();
@@ -191,7 +191,7 @@ fn an_animation_is_far_smaller_than_its_stills() {
 }
 
 #[test]
-fn a_still_picture_is_png() {
+fn still_picture_is_png() {
     let mut bytes = Vec::new();
     write_png(&picture(40, 30, 3), &mut bytes).unwrap();
     assert!(bytes.starts_with(b"\x89PNG"));

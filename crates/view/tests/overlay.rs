@@ -64,7 +64,7 @@ fn count_near(
 }
 
 #[test]
-fn marks_have_their_colours() {
+fn marks_are_drawn_in_their_colours() {
     let reasons = [Colour::SEMANTIC, Colour::EPIPOLAR, Colour::DEPTH];
     let mut keypoints = vec![(20.3, 30.4, Mark::Static), (40.5, 30.0, Mark::Unused)];
     for (i, colour) in reasons.iter().enumerate() {
@@ -90,7 +90,7 @@ fn marks_have_their_colours() {
 }
 
 #[test]
-fn a_rejected_feature_is_not_hidden_by_a_static_one() {
+fn rejected_feature_is_not_hidden_by_a_static_one() {
     let keypoints = [
         (50.0, 50.0, Mark::Dynamic(Colour::SEMANTIC)),
         (50.0, 50.0, Mark::Static),
@@ -151,7 +151,7 @@ fn boxes_have_frames_and_labels() {
 }
 
 #[test]
-fn a_quiet_box_is_thin_and_pale() {
+fn quiet_box_is_thin_and_pale() {
     let boxes = [OverlayBox {
         quiet: true,
         ..object([100.0, 100.0, 300.0, 400.0], "", false)
@@ -171,7 +171,7 @@ fn a_quiet_box_is_thin_and_pale() {
 }
 
 #[test]
-fn labels_stay_clear_of_each_other() {
+fn labels_do_not_overlap() {
     let bounds = [200.0, 200.0, 320.0, 420.0];
     let boxes = [1, 2, 3].map(|n| OverlayBox {
         colour: Colour::of_number(n),
@@ -198,7 +198,7 @@ fn labels_stay_clear_of_each_other() {
 }
 
 #[test]
-fn labels_stay_in_the_picture() {
+fn labels_stay_inside_the_picture() {
     let colour = Colour::of_number(1);
     for bounds in [
         [-50.0, -50.0, 60.0, 60.0],
@@ -220,7 +220,7 @@ fn labels_stay_in_the_picture() {
 }
 
 #[test]
-fn a_caption_adds_a_line_below() {
+fn caption_adds_a_line_below() {
     let overlay = Overlay {
         badge: Some(("TRACKED", Colour::STATIC)),
         caption: "frame 12, 185 inliers",
@@ -235,7 +235,7 @@ fn a_caption_adds_a_line_below() {
 }
 
 #[test]
-fn a_legend_adds_lines_of_the_same_height_to_every_picture() {
+fn legend_adds_equal_height_to_every_picture() {
     let of = |caption, legend| {
         let overlay = Overlay {
             caption,
@@ -259,7 +259,7 @@ fn a_legend_adds_lines_of_the_same_height_to_every_picture() {
 }
 
 #[test]
-fn a_speed_counts_only_above_its_standard_deviation() {
+fn speed_is_certain_only_above_its_standard_deviation() {
     let object = |velocity: [f64; 3], sigmas: [f64; 3]| {
         let mut covariance = Mat6::identity();
         for i in 0..3 {
@@ -299,7 +299,7 @@ fn a_speed_counts_only_above_its_standard_deviation() {
 }
 
 #[test]
-fn the_colour_image_is_drawn_where_there_is_one() {
+fn colour_image_is_drawn_if_available() {
     let mut frame = frame(8, 8);
     let pixels = [10, 200, 30].repeat(64);
     frame.colour = Some(Arc::new(ColourImage::from_vec(8, 8, pixels).unwrap()));
@@ -308,7 +308,7 @@ fn the_colour_image_is_drawn_where_there_is_one() {
 }
 
 #[test]
-fn pictures_stand_side_by_side_under_their_titles() {
+fn pictures_are_placed_side_by_side_under_titles() {
     let left = Picture::new(320, 200, Colour::STATIC);
     let right = Picture::new(320, 240, Colour::RIGID);
     let both = side_by_side(&left, &right, ["filter off", "filter on"]);
@@ -338,7 +338,7 @@ fn anything() -> impl Strategy<Value = f64> {
 
 proptest! {
     #[test]
-    fn nothing_that_is_drawn_makes_it_fail(
+    fn drawing_never_fails(
         (width, height) in (0usize..90, 0usize..70),
         points in proptest::collection::vec((anything(), anything()), 0..8),
         boxes in proptest::collection::vec((proptest::array::uniform4(anything()), ".{0,30}", any::<bool>()), 0..4),

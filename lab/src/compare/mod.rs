@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn differences_beyond_seeds_are_found_and_others_are_not() {
+    fn only_differences_beyond_the_seed_spread_are_found() {
         assert_eq!(verdicts(&groups(|_| 1.02, 8)), (1, 0));
         assert_eq!(verdicts(&groups(|_| 0.98, 8)), (0, 1));
         assert_eq!(verdicts(&groups(|_| 1.0, 8)), (0, 0));
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn many_inputs_show_together_what_each_cannot() {
+    fn pooled_inputs_reveal_a_common_difference() {
         let three = |name: &str, ratio: f64| {
             let mut group = groups(|_| ratio, 3).remove(0);
             group.name = name.to_owned();
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn times_count_of_runs_that_were_alone_and_beyond_the_margin() {
+    fn times_need_solitary_runs_and_exceed_a_margin() {
         let timed = |factor: f64, jobs: usize| {
             let mut all = groups(|_| 1.0, 8);
             for (a, b) in &mut all[0].pairs {
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn images_of_two_programs_are_told() {
+    fn differing_renderers_are_reported() {
         let mut all = groups(|_| 1.0, 2);
         assert!(other_images(&all).is_empty());
         all[0].pairs[1].1.renderer = Some("other".to_owned());
@@ -281,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn lost_frames_count_and_runs_without_an_error_are_named() {
+    fn lost_frames_count_and_failed_runs_are_reported() {
         let mut all = groups(|_| 1.0, 8);
         for (_, b) in &mut all[0].pairs {
             b.figures.as_mut().unwrap().lost = 3;

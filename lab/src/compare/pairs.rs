@@ -136,7 +136,7 @@ mod tests {
     use crate::results::tests::run;
 
     #[test]
-    fn runs_are_paired_by_input_and_seed_and_the_rest_is_named() {
+    fn runs_are_paired_by_input_and_seed() {
         let a = vec![
             run("x", "old", 0, 1.0),
             run("x", "old", 1, 1.0),
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn of_several_variants_each_is_paired_with_itself() {
+    fn variants_are_paired_by_name() {
         let both = |ate| vec![run("x", "on", 0, ate), run("x", "off", 0, ate)];
         let pairs = pair(both(1.0), both(2.0)).unwrap();
         let names: Vec<&str> = pairs.groups.iter().map(|g| g.name.as_str()).collect();
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_side_is_a_variant_a_commit_or_a_program() {
+    fn side_is_selected_by_variant_commit_or_program() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("runs.jsonl");
         let mut second = run("x", "off", 0, 2.0);

@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_geometric_mean_is_of_medians() {
+    fn estimate_is_the_mean_of_medians() {
         let inputs = [vec![1.0, 4.0, 100.0], vec![0.25, 9.0, 0.001]];
         let all = estimate(&inputs, Sum::Ratios, OUTSIDE);
         assert!((all.value - 1.0).abs() < 1e-12, "{all:?}");
@@ -98,14 +98,14 @@ mod tests {
     }
 
     #[test]
-    fn equal_seeds_have_an_interval_of_no_width() {
+    fn equal_values_have_an_interval_of_zero_width() {
         let all = estimate(&[vec![1.0; 5], vec![1.0; 2]], Sum::Ratios, OUTSIDE);
         assert_eq!((all.value, all.low, all.high), (1.0, 1.0, 1.0));
     }
 
     /// 1.96 standard deviations of the mean to both sides.
     #[test]
-    fn the_interval_is_as_wide_as_theory_says() {
+    fn interval_width_matches_theory() {
         let mut random = rng(7, 0, DRAWS);
         let values: Vec<f64> = (0..400).map(|_| random.unit()).collect();
         let e = estimate(std::slice::from_ref(&values), Sum::Differences, OUTSIDE);
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn few_seeds_show_nothing() {
+    fn too_few_seeds_are_inconclusive() {
         assert!(!enough(5, OUTSIDE) && enough(6, OUTSIDE));
         assert!(!enough(8, OUTSIDE / 10.0) && enough(9, OUTSIDE / 10.0));
         assert!(!enough(0, OUTSIDE) && !enough(1, OUTSIDE));

@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_inside_of_regions_is_made_anew_and_nothing_else() {
+    fn only_region_contents_are_regenerated() {
         let text = "a\n<!-- lab: x 2 bare -->\nold\n\nold\n<!-- /lab -->\nb\n<!-- lab: y -->\n<!-- /lab -->";
         let mut asked = Vec::new();
         let mut make = |region: &Region| {
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn regions_that_do_not_close_are_errors() {
+    fn unmatched_region_markers_are_errors() {
         for (text, part) in [
             (
                 "<!-- lab: x -->\nold",

@@ -226,7 +226,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_grows_fails() {
+    fn memory_growth_fails_the_soak() {
         let minute = |memory_mb: f64| Minute {
             memory_mb,
             median_ms: 2.0,

@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn programs_that_fail_or_hang_say_so() {
+    fn failures_and_timeouts_of_programs_are_reported() {
         let dir = tempfile::tempdir().unwrap();
         let shell = Program {
             path: "/bin/sh".into(),

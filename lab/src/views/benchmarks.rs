@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn variants_stand_side_by_side() {
+    fn variants_are_shown_side_by_side() {
         let mut runs = vec![
             run("a", "off", 0, 10.0),
             run("a", "off", 1, 30.0),
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn times_and_latency_are_those_of_the_runs() {
+    fn times_and_latency_match_the_runs() {
         let mut runs = [5.0, 7.0, 6.0].map(|ms| run("a", "nano", ms as u64, ms));
         for (k, r) in runs.iter_mut().enumerate() {
             let figures = r.figures.as_mut().unwrap();

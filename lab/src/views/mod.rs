@@ -147,7 +147,7 @@ mod tests {
     use crate::results::{Time, tests::run};
 
     #[test]
-    fn rows_hold_medians_sums_and_failures() {
+    fn rows_show_medians_sums_and_failures() {
         let mut runs = [1.0, 3.0, 2.0]
             .map(|ate| run("sim:a", "off", ate as u64, ate))
             .to_vec();
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn peers_stand_side_by_side() {
+    fn peers_are_shown_side_by_side() {
         let mut runs = vec![
             run("a", "x", 0, 1.0),
             run("a", "y", 0, 2.0),

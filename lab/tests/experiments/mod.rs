@@ -59,7 +59,7 @@ fn number(cell: &str) -> f64 {
 }
 
 #[test]
-fn every_experiment_says_what_it_answers() {
+fn every_experiment_has_a_help_text() {
     let help = lab(&["--help"]).with_code(0).out;
     let commands = help.lines().skip_while(|l| *l != "Commands:").skip(1);
     let commands: Vec<&str> = commands.take_while(|l| !l.is_empty()).collect();
@@ -70,7 +70,7 @@ fn every_experiment_says_what_it_answers() {
 }
 
 #[test]
-fn what_is_wrong_ends_with_code_2_and_says_so() {
+fn invalid_arguments_are_reported_with_exit_code_2() {
     for (arguments, said) in [
         (&["crowds", "--seeds", "1", "nowhere"][..], "nowhere"),
         (&["frame-time", "not/there"], "not/there"),

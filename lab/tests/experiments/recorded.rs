@@ -25,7 +25,7 @@ fn recording(name: &str) -> PathBuf {
 }
 
 #[test]
-fn the_parts_of_a_frame_add_up_to_it() {
+fn stage_times_stay_below_the_frame_time() {
     let folder = recording("times");
     let folder = folder.to_str().unwrap();
     let done = lab(&["frame_time", folder, "--passes", "2", "--frames", "8"]).with_code(0);
@@ -58,7 +58,7 @@ fn epipolar_distances_have_a_row_per_input() {
 }
 
 #[test]
-fn a_recording_gives_the_same_bytes_twice() {
+fn recorded_run_is_deterministic() {
     let folder = recording("loops");
     let done = lab(&["loops", "recording", folder.to_str().unwrap()]).with_code(0);
     assert!(
@@ -69,7 +69,7 @@ fn a_recording_gives_the_same_bytes_twice() {
 }
 
 #[test]
-fn a_recording_is_fused_and_dumped_at_its_true_poses() {
+fn recording_is_fused_and_exported_at_true_poses() {
     let folder = recording("dense");
     let (folder, out) = (folder.to_str().unwrap(), scratch("dense-out"));
     let ply = out.join("surface.ply");

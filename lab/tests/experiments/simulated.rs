@@ -3,7 +3,7 @@
 use super::{Done, lab, number, scratch};
 
 #[test]
-fn crowds_have_a_row_per_contestant_and_a_control_that_has_to_fail() {
+fn crowds_have_a_row_per_method_and_a_failing_control() {
     let run = |frames: &str| lab(&["crowds", "--seeds", "1", "--frames", frames, "crowd_static"]);
     let done = run("24").with_code(0);
     let verdicts: Vec<&str> = done.rows().iter().map(|row| row[10]).collect();
@@ -14,7 +14,7 @@ fn crowds_have_a_row_per_contestant_and_a_control_that_has_to_fail() {
 }
 
 #[test]
-fn covariances_have_a_row_per_input_and_need_a_second_of_motion() {
+fn covariance_rows_need_a_second_of_motion() {
     let run = |frames: &str| lab(&["covariance", "sim:xyz@1", "--frames", frames]);
     let done = run("45");
     let (rows, code) = (done.rows(), done.code);
@@ -31,7 +31,7 @@ fn covariances_have_a_row_per_input_and_need_a_second_of_motion() {
 }
 
 #[test]
-fn a_readout_that_nothing_tells_of_is_missed() {
+fn unobserved_readout_time_fails_the_verdict() {
     // In ten frames at 35 deg/s the estimate stays at its initial 0, which is correct only for a global shutter.
     let done = lab(&["readout", "--seeds", "2", "--frames", "10", "rpy"]).with_code(1);
     let verdicts: Vec<&str> = done.rows().iter().map(|row| row[9]).collect();
@@ -40,7 +40,7 @@ fn a_readout_that_nothing_tells_of_is_missed() {
 }
 
 #[test]
-fn sensors_are_compared_with_none() {
+fn sensors_are_compared_with_runs_without_them() {
     let run = |sensor, scene| lab(&[sensor, "--seeds", "1", "--frames", "10", scene]);
     let inertial = run("inertial", "xyz").with_code(0);
     let names: Vec<&str> = inertial.rows().iter().map(|row| row[1]).collect();
@@ -52,7 +52,7 @@ fn sensors_are_compared_with_none() {
 }
 
 #[test]
-fn people_are_scored_with_worse_detectors_too() {
+fn degraded_detectors_change_the_object_scores() {
     let run = |more: &[&str]| {
         let tiny = ["objects", "--seeds", "1", "--frames", "150", "walking_xyz"];
         lab(&[&tiny[..], more].concat()).with_code(0)
@@ -63,7 +63,7 @@ fn people_are_scored_with_worse_detectors_too() {
 }
 
 #[test]
-fn things_that_were_not_seen_long_enough_miss_the_bars() {
+fn briefly_seen_objects_miss_the_bounds() {
     let done = lab(&["things", "xyz", "--frames", "6", "--all"]).with_code(1);
     assert!(done.out.contains("a bar is missed"), "{}", done.out);
     assert!(
@@ -75,7 +75,7 @@ fn things_that_were_not_seen_long_enough_miss_the_bars() {
 }
 
 #[test]
-fn every_variant_of_a_room_is_compared_with_the_usual_one() {
+fn room_variants_are_compared_with_the_default_room() {
     let done = lab(&["scale", "rooms", "--seeds", "1", "--seconds", "0.4", "xyz"]).with_code(0);
     let rows = done.rows();
     assert_eq!(rows.len(), 9, "{}", done.out);
@@ -84,7 +84,7 @@ fn every_variant_of_a_room_is_compared_with_the_usual_one() {
 }
 
 #[test]
-fn solvers_straighten_maps_of_all_kinds() {
+fn solvers_optimise_maps_of_all_kinds() {
     for (kind, said) in [
         ("path", "bundle: "),
         ("laps", "bundle: "),
@@ -100,7 +100,7 @@ fn solvers_straighten_maps_of_all_kinds() {
 }
 
 #[test]
-fn loops_are_told_by_scene_and_hard_rows_have_a_bar() {
+fn loops_are_listed_by_scene_and_hard_rows_have_a_bound() {
     let table = |only| {
         lab(&[
             "loops", "table", "--seeds", "2", "--frames", "16", "--only", only,
@@ -117,7 +117,7 @@ fn loops_are_told_by_scene_and_hard_rows_have_a_bar() {
 }
 
 #[test]
-fn a_loop_is_closed_at_the_end_of_a_long_path() {
+fn loop_is_closed_at_the_end_of_a_long_path() {
     let done = lab(&["closing", "180", "450"]).with_code(0);
     for said in ["Closed", "recognise", "adjust", "landmarks merged"] {
         assert!(done.out.contains(said), "{said}: {}", done.out);
@@ -125,7 +125,7 @@ fn a_loop_is_closed_at_the_end_of_a_long_path() {
 }
 
 #[test]
-fn a_long_walk_has_a_row_per_minute() {
+fn soak_has_a_row_per_minute() {
     let done = lab(&["soak", "--minutes", "1", "--rate", "1", "--dense-mb", "1"]).with_code(0);
     assert!(done.out.contains("no verdict"), "{}", done.out);
     let rows = done.rows();
@@ -133,7 +133,7 @@ fn a_long_walk_has_a_row_per_minute() {
 }
 
 #[test]
-fn allocations_are_counted_by_the_parts_of_a_frame() {
+fn allocations_are_counted_per_stage() {
     let done = lab(&["allocations", "--frames", "114"]).with_code(0);
     let rows = done.rows();
     let filter = rows.iter().find(|row| row[0] == "filter").unwrap();
@@ -141,7 +141,7 @@ fn allocations_are_counted_by_the_parts_of_a_frame() {
 }
 
 #[test]
-fn kernels_say_the_same_with_vectors_and_without() {
+fn vector_and_scalar_kernels_agree() {
     let folder = scratch("kernels");
     let folder = folder.to_str().unwrap();
     lab(&["kernels", folder, "--render"]).with_code(0);
@@ -169,7 +169,7 @@ fn kernels_say_the_same_with_vectors_and_without() {
 }
 
 #[test]
-fn scenes_are_measured_by_what_a_feature_tracker_finds() {
+fn scene_difficulty_is_measured_by_feature_tracking() {
     let done = lab(&["difficulty", "--window", "2", "xyz", "walking_static"]).with_code(0);
     let rows = done.rows();
     assert_eq!(rows.len(), 9, "{}", done.out);
@@ -182,7 +182,7 @@ fn scenes_are_measured_by_what_a_feature_tracker_finds() {
 }
 
 #[test]
-fn ways_of_recognising_places_have_a_row_each() {
+fn place_recognition_methods_have_a_row_each() {
     let done = lab(&["place", "compare", "--seeds", "1", "--frames", "40"]).with_code(0);
     assert!(done.out.contains("kitchen is not there"), "{}", done.out);
     let rows = done.rows();
@@ -190,7 +190,7 @@ fn ways_of_recognising_places_have_a_row_each() {
 }
 
 #[test]
-fn surfaces_are_compared_with_the_true_ones() {
+fn surfaces_are_compared_with_ground_truth() {
     let dense = |words: &[&str]| lab(&[&["dense"], words].concat()).with_code(0);
     let millimetres = |done: &Done| number(done.rows()[0][2]);
     let tiny = ["xyz", "--frames", "10"];

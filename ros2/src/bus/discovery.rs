@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_message_is_that_of_rmw() {
+    fn discovery_message_matches_rmw() {
         let node = NodeName {
             namespace: "/".into(),
             name: "eyes".into(),

@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn the_environment_is_honoured() {
+    fn discovery_range_follows_the_environment() {
         let expect = |set: &[(&str, &str)], domain, local_only| {
             assert_eq!(reach(set), Ok(Reach { domain, local_only }), "{set:?}");
         };

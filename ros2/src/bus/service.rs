@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn clients_of_both_kinds_are_understood() {
+    fn requests_of_both_identity_mappings_are_read() {
         let mut bytes = vec![0, 1, 0, 0];
         bytes.extend(1..=16);
         bytes.push(99);

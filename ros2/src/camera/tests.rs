@@ -53,7 +53,7 @@ fn transform(parent: &'static str, child: &'static str, x: f64) -> Vec<u8> {
 }
 
 #[test]
-fn what_is_missing_is_named_until_it_comes() {
+fn missing_inputs_are_reported_until_received() {
     let options = Options::new(&Parameters::default()).unwrap();
     let mut camera = CameraState::new(topics());
     let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "depth", 2));
@@ -112,7 +112,7 @@ fn waiting<'a>(
 }
 
 #[test]
-fn it_is_waited_for_where_the_inertial_sensor_stands() {
+fn run_waits_for_the_imu_mount() {
     let options = asked_for("subscribe_imu");
     let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "colour", 2));
     let mut camera = CameraState::new(topics());
@@ -139,7 +139,7 @@ fn it_is_waited_for_where_the_inertial_sensor_stands() {
 }
 
 #[test]
-fn it_is_waited_for_where_the_camera_stands_on_the_wheels() {
+fn run_waits_for_the_camera_mount_on_the_base() {
     let options = asked_for("subscribe_odometry");
     let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "colour", 2));
     let mut camera = CameraState::new(topics());
@@ -168,7 +168,7 @@ fn it_is_waited_for_where_the_camera_stands_on_the_wheels() {
 }
 
 #[test]
-fn after_some_patience_the_run_begins_without_the_inertial_sensor() {
+fn run_begins_without_the_imu_after_a_timeout() {
     let options = asked_for("subscribe_imu");
     let mut camera = CameraState::new(topics());
     camera.take_info(false, info(5.0)).unwrap();
@@ -180,7 +180,7 @@ fn after_some_patience_the_run_begins_without_the_inertial_sensor() {
 }
 
 #[test]
-fn what_cannot_be_worked_with_is_refused() {
+fn unsupported_inputs_are_refused() {
     let options = Options::new(&Parameters::default()).unwrap();
     for (colour, depth, part) in [
         (image("rgb8", "c", 3), image("rgb8", "c", 3), "depth images"),

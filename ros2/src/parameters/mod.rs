@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn the_configuration_has_its_own_names() {
+    fn configuration_settings_are_parameters() {
         let mut p = parameters("--ros-args -p seed:=7 -p motion_weights.chair:=2").unwrap();
         assert_eq!(p.config().seed, 7);
         assert_ne!(p.config().motion_weights, Config::default().motion_weights);
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_read_as_ros_reads_them() {
+    fn parameter_files_follow_ros_rules() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.yaml");
         let text = "/**:\n  ros__parameters:\n    max_dt: 0.03\n    seed: 1\nrobot1:\n  eyes:\n    ros__parameters:\n      seed: 2\n      detector: {stride: 4}\n/other:\n  ros__parameters:\n    seed: 9\n    nonsense: 1\n/*/eyes:\n  ros__parameters:\n    dense: true\n";
@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_and_changes_nothing() {
+    fn invalid_parameters_are_reported_and_change_nothing() {
         for (words, part) in [
             (
                 "-p colour_transport:=raw",

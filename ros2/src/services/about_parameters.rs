@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn several_are_set_one_by_one_or_none() {
+    fn parameters_are_set_individually_or_atomically() {
         let mut p = Parameters::default();
         let one = |name: &'static str, value: Value| ros::Parameter {
             name: name.into(),

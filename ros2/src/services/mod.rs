@@ -214,7 +214,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn requests_that_do_not_read_change_nothing() {
+    fn malformed_requests_change_nothing() {
         let mut p = Parameters::default();
         for (kind, _, _) in ALL {
             for broken in [&[][..], &[0, 1, 0, 0], &[0, 1, 0, 0, 255, 255, 255, 255, 0]] {

@@ -226,7 +226,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shards_count_from_one() {
+    fn shards_are_numbered_from_one() {
         assert_eq!(shard("3/8"), Ok(Shard { index: 3, of: 8 }));
         for (text, part) in [
             ("9/8", "from 1 to 8, found 9"),
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn files_of_every_run_lie_in_its_folder() {
+    fn output_paths_must_stay_inside_the_run_folder() {
         for bad in ["/tmp/map", "../map", "a/../../map", "", "."] {
             assert!(inside(bad).is_err(), "{bad}");
         }

@@ -85,7 +85,7 @@ mod tests {
     use crate::args::models::RuntimeChoice;
 
     #[test]
-    fn runs_get_the_options_of_a_bench_or_batch() {
+    fn bench_and_batch_options_are_forwarded_to_runs() {
         let input = InputArgs {
             camera: Some("tum_fr3".into()),
             start: 5,

@@ -199,7 +199,7 @@ mod tests {
     use clap::Parser;
 
     #[test]
-    fn a_file_is_run_as_run_live_runs_it() {
+    fn live_file_equals_run_live() {
         let rest = "room --log a.log --budget-ms 20 --out o --load-map m --start 3 --seed 7";
         for (live, run) in [("", "--live"), ("--all", "--live=all")] {
             let parse = |line: String| Arguments::try_parse_from(line.split_whitespace()).unwrap();

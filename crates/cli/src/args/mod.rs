@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn commands_in_documents_and_examples_can_be_typed() {
+    fn commands_in_documents_and_examples_parse() {
         let mut texts = Vec::new();
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let mut open = vec![root.join("docs"), root.join("README.md")];
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn the_help_of_simulate_names_every_scene() {
+    fn simulate_help_lists_every_scene() {
         let mut command = Arguments::command();
         let simulate = command.find_subcommand_mut("simulate").unwrap();
         let help = simulate.render_long_help().to_string();

@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_bounds_the_runs_at_a_time() {
+    fn memory_limits_parallel_runs() {
         assert_eq!(affordable(8, 1_000, None), 8);
         assert_eq!(affordable(8, 1_000, Some(100_000)), 8);
         assert_eq!(affordable(8, 1_000, Some(4_000)), 3);
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tightest_group_counts() {
+    fn tightest_cgroup_limit_applies() {
         let dir = tempfile::tempdir().unwrap();
         let write = |group: &str, most: &str, now: &str| {
             let folder = dir.path().join(group);

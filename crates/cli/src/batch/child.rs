@@ -187,7 +187,7 @@ mod tests {
     use std::os::unix::process::ExitStatusExt;
 
     #[test]
-    fn the_reason_is_what_a_run_told_last() {
+    fn failure_reason_is_the_last_message_of_the_run() {
         let dir = tempfile::tempdir().unwrap();
         let of = |status: i32, said: &str| {
             std::fs::write(dir.path().join(SAID), said).unwrap();

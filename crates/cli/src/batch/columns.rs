@@ -121,7 +121,7 @@ mod tests {
     use parquet::record::RowAccessor;
 
     #[test]
-    fn columns_are_all_fields_of_rows() {
+    fn columns_match_the_row_fields() {
         let value = serde_json::to_value(row("a", Outcome::Ok, Some(1.0), None)).unwrap();
         let mut fields: Vec<&str> = value
             .as_object()
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_gives_back_its_rows() {
+    fn parquet_file_round_trips_its_rows() {
         let rows = [
             row("a", Outcome::Ok, Some(0.75), Some(0.125)),
             row("\u{fc}", Outcome::Failed, None, None),

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_that_changed_is_another() {
+    fn changed_recording_has_another_digest() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("walk.mcap");
         let then = SystemTime::UNIX_EPOCH + Duration::from_secs(1_700_000_000);
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_all_that_is_in_it() {
+    fn folder_digest_covers_all_files() {
         let dir = tempfile::tempdir().unwrap();
         let folder = dir.path().join("desk");
         std::fs::create_dir_all(folder.join("rgb")).unwrap();
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn options_and_the_files_they_name_are_the_configuration() {
+    fn configuration_digest_covers_options_and_their_files() {
         let dir = tempfile::tempdir().unwrap();
         let script = dir.path().join("boxes.csv");
         std::fs::write(&script, "1,person,0.9,0,0,1,1\n").unwrap();

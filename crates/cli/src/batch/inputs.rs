@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_of_the_path_and_never_shared() {
+    fn result_names_derive_from_paths_and_are_unique() {
         assert_eq!(
             names(&["/r/b", "/r/a.bag/", "/r/b"], 1).unwrap(),
             ["a.bag", "b"]
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn files_lose_their_endings() {
+    fn file_extensions_are_dropped_from_names() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("walk.mcap");
         std::fs::write(&file, "").unwrap();
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_are_disjoint_and_complete() {
+    fn shards_are_disjoint_and_complete() {
         let items: Vec<Item> = (0..10)
             .map(|i| Item {
                 path: i.to_string().into(),

@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_has_one_batch_at_a_time() {
+    fn folder_allows_one_batch_at_a_time() {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("a/b");
         let first = Lock::take(&out).unwrap();

@@ -161,7 +161,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn shards_become_one() {
+    fn shards_are_merged() {
         let dir = tempfile::tempdir().unwrap();
         let parts = [
             (dir.path().join("1"), batch(Some((1, 3)), vec![well("b")])),
@@ -178,7 +178,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_does_not_belong_together_is_refused() {
+    fn incompatible_batches_are_refused() {
         let of = |name: &str, batch: Batch| (PathBuf::from(name), batch);
         let refused = |parts: &[(PathBuf, Batch)], words: &[&str]| {
             let e = join(parts, Path::new("all")).unwrap_err().to_string();

@@ -103,7 +103,7 @@ mod tests {
     use crate::batch::row::tests::row;
 
     #[test]
-    fn the_worst_are_on_top_and_linked() {
+    fn worst_runs_come_first_with_links() {
         let rows = vec![
             row("well", Outcome::Ok, Some(1.0), Some(0.01)),
             row("half <b>", Outcome::Lost, Some(0.5), None),

@@ -227,7 +227,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn durations_are_of_two_digits() {
+    fn durations_are_shown_with_two_digits() {
         for (seconds, said) in [
             (3.4, "3 s"),
             (90.0, "90 s"),

@@ -213,7 +213,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_worst_come_first() {
+    fn rows_sort_worst_first() {
         let mut rows = [
             row("well", Outcome::Ok, Some(1.0), Some(0.01)),
             row("astray", Outcome::Ok, Some(1.0), Some(0.5)),
@@ -227,7 +227,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn numbers_are_read_as_they_were_written() {
+    fn numbers_round_trip_through_json() {
         for i in 1..5000 {
             let x = rounded(f64::from(i).sqrt() / 7.0);
             let text = serde_json::to_string(&x).unwrap();
@@ -236,7 +236,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_row_is_read_as_it_was_written() {
+    fn row_round_trips_through_its_file() {
         let dir = tempfile::tempdir().unwrap();
         assert_eq!(Row::read(dir.path()), None);
         let written = row("a", Outcome::Lost, Some(0.25), None);

@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_are_median_and_worst_of_the_runs() {
+    fn errors_are_median_and_maximum_over_runs() {
         let of = |rmse: f64, sd: f64| StatisticsJson {
             rmse,
             sd,

@@ -287,7 +287,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_names_get_numbers() {
+    fn duplicate_names_are_numbered() {
         let paths: Vec<PathBuf> = ["a/x", "b/x", "c/y", "d/x"]
             .iter()
             .map(Into::into)

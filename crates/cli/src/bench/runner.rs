@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn median_and_worst() {
+    fn spread_gives_median_and_worst() {
         let s = Spread::of([3.0, 1.0, 2.0, 10.0]).unwrap();
         assert_eq!((s.median, s.worst), (2.5, 10.0));
         assert_eq!(Spread::of([]), None);
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_bytes_need_two_runs() {
+    fn identity_check_needs_two_runs() {
         let of = |runs: &[&str]| {
             let mut t = Trajectories::default();
             runs.iter().for_each(|r| t.push(r.as_bytes().to_vec()));

@@ -17,7 +17,7 @@ fn layered(texts: &[(&str, bool)]) -> Result<Config, String> {
 }
 
 #[test]
-fn later_layers_win_and_leave_the_rest() {
+fn later_layers_override_only_their_keys() {
     let c = layered(&[
         ("seed = 3\n[tracking]\nmin_inliers = 40\n", true),
         ("tracking.min_inliers=50", false),
@@ -28,7 +28,7 @@ fn later_layers_win_and_leave_the_rest() {
 }
 
 #[test]
-fn words_need_no_quotes_in_arguments() {
+fn set_arguments_need_no_quotes_for_words() {
     let mut layers = Layers::new().unwrap();
     for (set, text) in [
         ("static_filter.preset=off", "static_filter.preset=\"off\""),
@@ -70,7 +70,7 @@ fn refused(set: &str) -> String {
 }
 
 #[test]
-fn a_mistyped_key_is_looked_for_in_its_own_section() {
+fn suggestion_for_a_mistyped_key_is_of_its_section() {
     let e = refused("features.foo=3");
     assert!(!e.contains("motion_weights"), "{e}");
     assert!(e.contains("did you mean \"features."), "{e}");
@@ -82,7 +82,7 @@ fn a_mistyped_key_is_looked_for_in_its_own_section() {
 }
 
 #[test]
-fn a_word_where_a_number_belongs_is_called_a_word() {
+fn word_instead_of_a_number_is_reported() {
     let e = refused("features.features=ten");
     for part in [
         "--set features.features=ten",
@@ -95,13 +95,13 @@ fn a_word_where_a_number_belongs_is_called_a_word() {
 }
 
 #[test]
-fn whole_numbers_stand_for_others() {
+fn integers_are_accepted_for_floats() {
     let c = layered(&[("sensor.max_depth=6", false)]).unwrap();
     assert_eq!(c.sensor.max_depth, 6.0);
 }
 
 #[test]
-fn mistakes_name_place_path_and_remedy() {
+fn errors_name_location_key_and_remedy() {
     for (text, is_file, parts) in [
         (
             "[tracking]\nmin_inlier = 40\n",
@@ -158,7 +158,7 @@ fn mistakes_name_place_path_and_remedy() {
 proptest::proptest! {
     /// Any configuration file is valid or gives an error that names the file and, except for ranges, the line.
     #[test]
-    fn damaged_files_are_configurations_or_errors_that_name_the_place(
+    fn damaged_files_are_valid_or_give_located_errors(
         at in proptest::prelude::any::<proptest::sample::Index>(), cut in 0..12_usize,
         with in proptest::prop_oneof!["[-0-9.ea-z_=\"\\[\\], \n]{0,8}", "\\PC{0,4}"]
     ) {
@@ -175,7 +175,7 @@ proptest::proptest! {
 }
 
 #[test]
-fn the_printed_configuration_reads_back() {
+fn printed_configuration_round_trips() {
     let mut config = Config {
         seed: 9,
         ..Config::default()
@@ -188,7 +188,7 @@ fn the_printed_configuration_reads_back() {
 }
 
 #[test]
-fn removed_keys_are_refused_with_what_replaced_them() {
+fn removed_keys_are_refused_with_their_replacement() {
     for (text, is_file, parts) in [
         (
             "mapping.fixed_window=40",
@@ -226,7 +226,7 @@ fn removed_keys_are_refused_with_what_replaced_them() {
 }
 
 #[test]
-fn weights_are_differences_from_their_defaults() {
+fn motion_weights_are_written_only_if_changed() {
     let text = to_text(&Config::default()).unwrap();
     assert!(!text.contains("person ="), "{text}");
     let c = layered(&[
@@ -248,7 +248,7 @@ fn weights_are_differences_from_their_defaults() {
 }
 
 #[test]
-fn every_value_has_its_meaning() {
+fn every_setting_is_documented() {
     let table = Layers::new().unwrap().table;
     let mut leaves = Vec::new();
     flatten(&table, None, "", &mut leaves);

@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_are_the_official_ones() {
+    fn download_addresses_are_the_official_ones() {
         let address = |name: &str| named(name).unwrap()[0].address(None);
         for (name, expected) in [
             (
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_corrected() {
+    fn mistyped_sequence_names_get_suggestions() {
         for (name, part) in [
             ("fr3_walkin_xyz", "did you mean \"fr3_walking_xyz\"?"),
             ("bon", "did you mean \"bonn\"?"),

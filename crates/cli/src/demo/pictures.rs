@@ -157,7 +157,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_passes_give_no_more_pictures() {
+    fn number_of_pictures_is_bounded() {
         for (frames, every) in [(0, 1), (1, 1), (50, 1), (51, 2), (300, 6), (100_000, 2000)] {
             let mut shots = Shots::new(frames, &MotionWeights::default());
             assert_eq!(shots.every, every);

@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_filter_is_judged_against_the_truth() {
+    fn filter_is_reported_against_ground_truth() {
         let hits = Hits {
             people: 200,
             people_rejected: 150,

@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_are_numbers_are_stamps() {
+    fn numeric_file_names_are_stamps() {
         let found = stamps(&["a/1305031102.175304.png", "a/1305031102.211214.jpg"]);
         assert_eq!(
             found,
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_are_read_by_name_and_without_what_is_no_image() {
+    fn folder_images_are_sorted_and_other_files_ignored() {
         let dir = tempfile::tempdir().unwrap();
         for name in ["b.png", "a.JPG", "c.webp", "notes.txt", "d.jpeg"] {
             std::fs::write(dir.path().join(name), "").unwrap();

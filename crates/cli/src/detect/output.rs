@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_have_names_of_their_own() {
+    fn output_pictures_have_distinct_names() {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out");
         let mut folder = DetectFolder::create(&out, dir.path()).unwrap();
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn the_folder_of_the_images_is_refused() {
+    fn input_folder_is_refused_as_output() {
         let dir = tempfile::tempdir().unwrap();
         let roundabout = dir.path().join(".");
         let e = DetectFolder::create(&roundabout, dir.path()).err().unwrap();

@@ -246,7 +246,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn arguments_name_detectors() {
+    fn detector_arguments_are_parsed() {
         let scripted = |file: &str| Choice::Scripted(file.to_owned());
         let model = |file: &str| Choice::Model(ModelFile::of_file(file));
         for (argument, choice) in [
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn a_card_is_found_beside_its_model() {
+    fn model_card_is_found_beside_its_model() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("m.onnx");
         assert_eq!(ModelFile::of_file(file.to_str().unwrap()).card(), None);

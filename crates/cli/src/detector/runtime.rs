@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_library_only_who_asked_for_it_is_refused() {
+    fn missing_onnxruntime_fails_only_if_requested() {
         let auto = of_libraries(RuntimeChoice::Auto, broken(0)).unwrap();
         assert_eq!((auto.runtime, auto.warning), (Runtime::Rten, None));
         let e = of_libraries(RuntimeChoice::Onnxruntime, broken(0)).unwrap_err();
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_are_no_library_are_refused() {
+    fn non_library_files_are_refused() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let found = Libraries::among(vec![file.path().to_owned()]);
         assert!(found.usable.is_none());

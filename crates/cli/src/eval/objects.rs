@@ -262,7 +262,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stamps_that_differ_by_rounding_are_one_frame() {
+    fn stamps_differing_by_rounding_are_one_frame() {
         let mut frames = Frames::default();
         for stamp in [1.0, 1.0004, 1.0333, 1.033_299, 0.9999] {
             frames.at(stamp);

@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_are_found_by_their_names() {
+    fn columns_are_found_by_name() {
         let (_dir, path) =
             file("timestamp,walker,x0,y0,x1,y1,visible_px\n1.5,3,10,20,30,60,800\n\n");
         let rows = read_boxes(&path, "BOXES").unwrap();
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_read_is_named_with_its_line() {
+    fn malformed_rows_are_reported_with_their_line() {
         let header = "timestamp,mover,x0,y0,x1,y1,visible_px\n";
         for (text, part) in [
             (

@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_fits_its_own_camera_and_features() {
+    fn map_requires_matching_camera_and_features() {
         assert_eq!(fits(|_, _| {}), Ok(()));
         // As after another calibration.
         assert_eq!(fits(|_, c| c.fx += 3.0), Ok(()));
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_of_one_camera_are_alike() {
+    fn merging_needs_maps_of_one_camera() {
         let paths = [Path::new("a.spmap"), Path::new("b.spmap")];
         let alike = |c: Camera| check_alike(paths, [&map(), &map_of(c)]).map_err(|e| e.to_string());
         let camera = camera();
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_that_could_not_be_saved_is_reported() {
+    fn map_without_free_ids_is_refused() {
         let path = Path::new("desk.spmap");
         assert!(check_room(path, &map(), MOST_IDS - 1).is_ok());
         let e = check_room(path, &map(), MOST_IDS).unwrap_err().to_string();
@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_without_keyframes_does_not_replace_one() {
+    fn empty_map_does_not_replace_a_saved_one() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("desk.spmap");
         let timing = Timing {

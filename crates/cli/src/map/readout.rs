@@ -20,7 +20,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_map_tells_the_readout_to_who_says_nothing_about_it() {
+    fn map_readout_is_used_unless_configured() {
         let started = |change: &dyn Fn(&mut SensorConfig), known| {
             let mut config = Config::default();
             change(&mut config.sensor);

@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_corrected() {
+    fn mistyped_model_names_get_suggestions() {
         let here = ["office".to_owned()];
         for (name, part) in [
             ("yolox-nano", "`stillpoint models pull yolox-nano` gets it"),

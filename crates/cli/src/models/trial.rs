@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn however_a_process_ends_it_is_known() {
+    fn every_way_a_child_process_ends_is_recognised() {
         let long = Duration::from_secs(30);
         assert_eq!(ended("cat > /dev/null", long), Ended::Well);
         // A child that does not even read.
@@ -265,10 +265,10 @@ mod tests {
     /// Environment variable with the limit and the duration of the work of the child process, s.
     const LIMIT: &str = "STILLPOINT_TEST_LIMIT";
 
-    /// The child process of [`a_limit_of_time_ends_a_process`]; as a test it does nothing.
+    /// The child process of [`time_limit_ends_a_process`]; as a test it does nothing.
     #[test]
     #[cfg(target_os = "linux")]
-    fn works_for_some_time() {
+    fn child_that_works_for_some_time() {
         let Ok(named) = std::env::var(LIMIT) else {
             return;
         };
@@ -287,14 +287,14 @@ mod tests {
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn a_limit_of_time_ends_a_process() {
+    fn time_limit_ends_a_process() {
         let content = Content {
             bytes: vec![7],
             card: None,
         };
         let ended = |limit: u64, works: &str| {
             let mut command = Command::new(std::env::current_exe().unwrap());
-            let name = "models::trial::tests::works_for_some_time";
+            let name = "models::trial::tests::child_that_works_for_some_time";
             command
                 .args(["--exact", name])
                 .env(LIMIT, format!("{limit} {works}"));
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_handed_over_arrives() {
+    fn model_content_round_trips_through_the_pipe() {
         for card in [None, Some(("a.toml".to_owned(), "x = 1\n".to_owned()))] {
             let content = Content {
                 bytes: (0..=255).collect(),

@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_those_of_the_table_with_the_poses_at_their_stamps() {
+    fn frame_table_rows_are_joined_with_poses_by_stamp() {
         let csv = "frame,stamp,state,submap,final_submap,inliers,keyframe,reason\n\
             0,1.000000,initialised,0,0,200,1,\n\
             2,1.033333,lost,,,0,0,too few keypoints, really\n\
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_is_called_by_the_end_of_its_path() {
+    fn run_name_is_the_last_path_component() {
         for (path, expected) in [("data/desk/", "desk"), ("sim:rpy", "sim:rpy"), ("/", "/")] {
             assert_eq!(name(path), expected);
         }

@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_are_quoted_where_a_shell_would_split_them() {
+    fn words_are_quoted_for_the_shell() {
         for (word, expected) in [
             ("--set=a.b=1", "--set=a.b=1"),
             ("my run", "'my run'"),

@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_runs_give_no_more_pictures() {
+    fn number_of_kept_pictures_is_bounded() {
         for (frames, every) in [(0, 3), (300, 3), (360, 3), (361, 4), (100_000, 834)] {
             assert_eq!(Reel::new(frames).every, every);
             assert!(frames.div_ceil(every) <= MOST);
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_is_thinned() {
+    fn depth_is_downsampled() {
         let data = (0..640 * 480).map(|i| (i % 640) as f32 + 1.0).collect();
         let thin = thinned(&DepthImage::from_vec(640, 480, data).unwrap());
         assert_eq!((thin.width(), thin.height()), (160, 120));

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_large_is_made_smaller() {
+    fn oversized_output_is_reduced() {
         let shot = shot(16);
         for format in [Format::Webp, Format::Gif, Format::Png] {
             let (all, effort, shown) = fitting(&shot, format, 100.0).unwrap();
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_over_the_bound_is_written() {
+    fn file_over_the_size_limit_is_not_written() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.gif");
         std::fs::write(&path, "old").unwrap();
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn endings_say_what_is_made() {
+    fn file_extension_selects_the_format() {
         assert_eq!(Format::of(Path::new("a/b.WebP")).unwrap(), Format::Webp);
         for wrong in ["a.mp4", "a", "/dev/null", "png"] {
             let e = Format::of(Path::new(wrong)).unwrap_err().to_string();

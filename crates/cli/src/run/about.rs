@@ -155,7 +155,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_said_reads_back() {
+    fn run_description_round_trips() {
         let mut config = Config::default();
         config.sensor.calibration_error = 0.1;
         config.seed = 5;

@@ -53,7 +53,7 @@ mod tests {
     use stillpoint::slam::PoseCovariance;
 
     #[test]
-    fn a_line_holds_the_stamp_and_the_lower_triangle_row_by_row() {
+    fn covariance_line_has_stamp_and_lower_triangle() {
         let from_origin = Mat6::from_fn(|r, c| (10 * (r.max(c) + 1) + r.min(c) + 1) as f64);
         let poses = Poses {
             final_poses: vec![StampedPose {

@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_measured_is_reported_in_milliseconds() {
+    fn live_measurements_are_reported_in_milliseconds() {
         let ended = Ended {
             tracking: WorkerEnd::Finished,
             detection: Some(WorkerEnd::GivenUp),

@@ -194,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ordinals_are_those_of_english() {
+    fn ordinals_are_correct_english() {
         for (n, said) in [
             (1, "every frame"),
             (2, "every 2nd frame"),

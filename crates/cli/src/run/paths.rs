@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     #[cfg(unix)]
-    fn links_lead_to_one_place_and_devices_have_room_for_all() {
+    fn links_to_one_file_conflict_and_devices_do_not() {
         let dir = tempfile::tempdir().unwrap();
         let root = dir.path();
         std::fs::write(root.join("f"), "old").unwrap();

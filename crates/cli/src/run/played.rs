@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_listener_that_cannot_go_on_ends_the_stream() {
+    fn stop_request_ends_the_stream() {
         let (mut numbers, stop) = (Numbers(0), Stop::default());
         let timing: &'static Timing = Box::leak(Box::default());
         let mut source = Watched::new(&mut numbers, &stop, timing);
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_come_too_late_are_distinguished_from_gaps_in_the_stamps() {
+    fn late_frames_are_distinguished_from_stamp_gaps() {
         let mut pace = Pace::default();
         let start = Instant::now();
         for (stamp, ms) in [

@@ -282,7 +282,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn results_go_beside_each_other_by_name() {
+    fn default_output_folder_is_named_after_the_input() {
         assert_eq!(
             default_out(Path::new("data/desk/"), ""),
             Path::new("out/desk")

@@ -243,7 +243,7 @@ mod tests {
     use stillpoint::slam::{FrameCounts, Outcome, RejudgeReport, Segments};
 
     #[test]
-    fn what_the_detector_says_is_counted() {
+    fn detector_results_and_failures_are_counted() {
         let frame = FrameId(3);
         let person = Detection {
             class: ClassId::PERSON,
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_that_were_of_no_use_are_counted() {
+    fn unusable_detector_answers_are_counted() {
         let report = FrameReport {
             frame: FrameId(0),
             stamp: 0.0,

@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn only_places_that_nobody_else_can_claim_are_here() {
+    fn host_header_must_be_local_or_the_configured_name() {
         for (host, here) in [
             ("127.0.0.1:7117", true),
             ("localhost:8000", true),
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn requests_that_are_not_the_pages_own_are_refused() {
+    fn foreign_requests_are_refused() {
         let host = "Host: localhost:7117";
         for (first, headers, expected) in [
             ("GET /events HTTP/1.1", &[host][..], Ok(Asked::Events)),
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_printed_address_leads_to_the_page() {
+    fn only_the_printed_path_leads_to_the_page() {
         let asked = |path: &str| {
             let head = format!("GET {path} HTTP/1.1\r\nHost: 192.168.1.7:80\r\n\r\n");
             judge(head.as_bytes(), "", "/0123abcd").map_err(|r| &r.0[..3])
@@ -307,12 +307,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_comes_is_answered(head: Vec<u8>, name in "[a-z.]{0,8}") {
+        fn any_request_is_handled_without_panic(head: Vec<u8>, name in "[a-z.]{0,8}") {
             let _ = judge(&head, &name, "/token");
         }
 
         #[test]
-        fn no_name_but_the_users_leads_here(host in "[a-z0-9.:\\[\\]@/-]{1,24}") {
+        fn no_other_host_name_is_accepted(host in "[a-z0-9.:\\[\\]@/-]{1,24}") {
             let place = host.rsplit_once(':').map_or(&*host, |(p, _)| p);
             let number = host.trim_matches(['[', ']']).parse::<IpAddr>().is_ok() || place.trim_matches(['[', ']']).parse::<IpAddr>().is_ok();
             if is_here(&host, "robot.lan") {

@@ -98,7 +98,7 @@ impl Listener {
 }
 
 #[test]
-fn a_page_is_shown_and_told_what_is_new() {
+fn page_is_served_and_receives_updates() {
     let served = serve(10);
     let host = "Host: 127.0.0.1:1";
     let page = served.ask(&format!("GET / HTTP/1.1\r\n{host}\r\n\r\n"));
@@ -140,7 +140,7 @@ fn a_page_is_shown_and_told_what_is_new() {
 }
 
 #[test]
-fn what_is_no_request_of_the_page_is_refused() {
+fn invalid_requests_are_refused() {
     let served = serve(10);
     let long = format!(
         "GET / HTTP/1.1\r\nHost: localhost\r\nCookie: {}\r\n\r\n",
@@ -184,7 +184,7 @@ fn what_is_no_request_of_the_page_is_refused() {
 }
 
 #[test]
-fn more_pages_than_there_is_room_for_are_told_so() {
+fn excess_clients_get_an_error() {
     let served = serve(10);
     let mut pages: Vec<Listener> = (0..CLIENTS).map(|_| served.listen()).collect();
     pages.iter_mut().for_each(|p| assert!(p.next().is_some()));
@@ -204,7 +204,7 @@ fn more_pages_than_there_is_room_for_are_told_so() {
 }
 
 #[test]
-fn connections_that_ask_for_nothing_keep_nobody_out() {
+fn idle_connections_do_not_block_others() {
     let served = serve(10);
     let mut page = served.listen();
     page.next().unwrap();
@@ -228,7 +228,7 @@ fn connections_that_ask_for_nothing_keep_nobody_out() {
 }
 
 #[test]
-fn a_page_for_others_has_an_address_that_they_can_use_and_cannot_guess() {
+fn remote_page_address_contains_a_secret_token() {
     let open = |host: &str| {
         let numbers = Numbers {
             now: AtomicU64::new(1),
@@ -272,7 +272,7 @@ fn a_page_for_others_has_an_address_that_they_can_use_and_cannot_guess() {
 }
 
 #[test]
-fn a_page_that_takes_nothing_holds_nobody_up() {
+fn stalled_client_does_not_block_others() {
     // A few updates fill the system's send buffer.
     let served = serve(1_000_000);
     let stopped = served.listen();
@@ -303,7 +303,7 @@ fn a_page_that_takes_nothing_holds_nobody_up() {
 }
 
 #[test]
-fn a_run_that_fails_says_so() {
+fn failed_run_is_reported_to_the_page() {
     let served = serve(10);
     let mut listener = served.listen();
     listener.next().unwrap();
@@ -314,7 +314,7 @@ fn a_run_that_fails_says_so() {
 }
 
 #[test]
-fn places_are_addresses_ports_and_names() {
+fn view_address_and_port_are_parsed() {
     for (text, host, port) in [
         ("", "127.0.0.1", None),
         ("8080", "127.0.0.1", Some(8080)),
@@ -345,7 +345,7 @@ fn places_are_addresses_ports_and_names() {
 }
 
 #[test]
-fn a_port_that_is_taken_is_told_and_no_port_is_any_port() {
+fn occupied_port_is_reported_and_default_picks_a_free_one() {
     let served = serve(10);
     let taken = Place {
         host: "127.0.0.1".to_owned(),

@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_masks_of_an_older_result_are_removed() {
+    fn only_masks_of_an_earlier_result_are_removed() {
         for (name, ours) in [
             ("1305031102.175304.png", true),
             ("0.033333.png", true),

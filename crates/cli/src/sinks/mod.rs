@@ -100,7 +100,7 @@ mod tests {
 
     /// Otherwise two outputs could replace each other, or the input.
     #[test]
-    fn every_file_and_folder_that_an_option_names_is_known_before_the_run() {
+    fn all_output_paths_are_known_before_the_run() {
         let mut arguments = Arguments::command();
         arguments.build();
         let run = arguments.find_subcommand("run").unwrap();

@@ -141,7 +141,7 @@ mod tests {
     use stillpoint::geometry::{Mat6, Vec3};
 
     #[test]
-    fn every_row_has_the_columns_of_the_header() {
+    fn object_rows_match_the_header() {
         let known = Object {
             id: ObjectId(4),
             class: ClassId::from_name("dining table").unwrap(),

@@ -209,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_pictures_of_an_older_result_are_removed() {
+    fn only_pictures_of_an_earlier_result_are_removed() {
         for (name, ours) in [
             ("000012.png", true),
             ("1000000.png", true),

@@ -142,7 +142,7 @@ mod tests {
     use crate::trace::MOST;
 
     #[test]
-    fn spans_without_room_are_counted_and_what_is_fetched_makes_room() {
+    fn overflowing_spans_are_counted_and_fetching_frees_space() {
         let timing: &'static Timing = Box::leak(Box::default());
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("t.json");

@@ -6,7 +6,7 @@ fn spin(us: u128) {
 }
 
 #[test]
-fn what_looks_at_earlier_frames_does_not_count_for_the_newest() {
+fn retrace_spans_do_not_count_for_the_current_frame() {
     let timing: &'static Timing = Box::leak(Box::default());
     tracing::subscriber::with_default(Recorder(timing), || {
         tracing::info_span!("frame").in_scope(|| spin(10));
@@ -20,7 +20,7 @@ fn what_looks_at_earlier_frames_does_not_count_for_the_newest() {
 }
 
 #[test]
-fn names_add_up_within_a_frame_and_nesting_counts_once() {
+fn equal_spans_add_up_per_frame_and_nesting_counts_once() {
     let timing: &'static Timing = Box::leak(Box::default());
     tracing::subscriber::with_default(Recorder(timing), || {
         for frame in 0..3 {
@@ -56,7 +56,7 @@ fn names_add_up_within_a_frame_and_nesting_counts_once() {
 }
 
 #[test]
-fn what_is_shared_belongs_to_the_frame() {
+fn worker_spans_count_for_the_frame() {
     let timing: &'static Timing = Box::leak(Box::default());
     let dispatch = tracing::Dispatch::new(Recorder(timing));
     let pool = workers::Workers::new(2).unwrap();
@@ -84,7 +84,7 @@ fn what_is_shared_belongs_to_the_frame() {
 }
 
 #[test]
-fn every_thread_has_rounds_of_its_own() {
+fn threads_are_measured_in_separate_rounds() {
     let timing: &'static Timing = Box::leak(Box::default());
     let subscriber = tracing::Dispatch::new(Recorder(timing));
     let work = |rounds: usize, is_frame: bool| {
@@ -106,7 +106,7 @@ fn every_thread_has_rounds_of_its_own() {
 }
 
 #[test]
-fn an_open_span_gives_no_sample() {
+fn open_span_gives_no_sample() {
     let timing: &'static Timing = Box::leak(Box::default());
     tracing::subscriber::with_default(Recorder(timing), || {
         let _open = tracing::info_span!("open").entered();

@@ -5,7 +5,7 @@ use crate::common::{check, program};
 use stillpoint::slam::{LogEntry, RunLog};
 
 #[test]
-fn a_log_that_does_not_fit_is_refused() {
+fn mismatched_log_is_refused() {
     let log = PLAYED.log();
     let changed = |change: &dyn Fn(&mut RunLog)| {
         let mut log = log.clone();
@@ -66,7 +66,7 @@ fn a_log_that_does_not_fit_is_refused() {
 }
 
 #[test]
-fn options_of_live_runs_are_checked() {
+fn live_run_options_are_validated() {
     let run = |more: &[&str]| {
         let mut run = program();
         run.arg("run").arg(PLAYED.path("room")).args(more);

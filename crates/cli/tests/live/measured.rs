@@ -9,7 +9,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::process::Command;
 
 #[test]
-fn a_live_run_says_what_was_measured() {
+fn live_run_reports_its_measurements() {
     let summary = PLAYED.json("live/summary.json");
     let live = &summary["live"];
     let number = |v: &Value| v.as_f64().unwrap_or_else(|| panic!("{v} in {live}"));
@@ -65,7 +65,7 @@ fn check_trace(trace: &Value, expected: &[(&str, &str)]) {
 }
 
 #[test]
-fn a_trace_shows_what_every_thread_did() {
+fn trace_contains_the_spans_of_every_thread() {
     check_trace(
         &PLAYED.json("live.json"),
         &[
@@ -90,7 +90,7 @@ fn a_trace_shows_what_every_thread_did() {
 
 #[test]
 #[cfg(unix)]
-fn an_interrupt_keeps_what_there_is() {
+fn interrupted_live_run_keeps_its_results() {
     let dir = tempfile::tempdir().unwrap();
     let room = dir.path().join("room");
     copy(&PLAYED.path("room"), &room);

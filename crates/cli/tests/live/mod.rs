@@ -102,7 +102,7 @@ fn live_file_plays_a_folder_as_a_camera() {
 
 /// Without a camera or its library the message says how to get them.
 #[test]
-fn a_camera_without_its_library_is_told() {
+fn missing_camera_library_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let text = dir.path().join("librealsense2.so");
     std::fs::write(&text, "not a library").unwrap();

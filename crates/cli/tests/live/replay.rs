@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 #[test]
-fn a_live_run_comes_out_again_to_the_byte() {
+fn live_run_replays_byte_for_byte() {
     let played = &*PLAYED;
     check_ran(&played.output);
     let mut again = program();
@@ -72,7 +72,7 @@ fn a_live_run_comes_out_again_to_the_byte() {
 }
 
 #[test]
-fn a_run_in_one_thread_leaves_a_log_and_comes_out_again_to_the_byte() {
+fn inline_run_replays_byte_for_byte() {
     let dir = tempfile::tempdir().unwrap();
     let detector = format!("scripted:{}", PLAYED.path("room/detections.csv").display());
     let mut run = program();
@@ -110,7 +110,7 @@ fn a_run_in_one_thread_leaves_a_log_and_comes_out_again_to_the_byte() {
 }
 
 #[test]
-fn a_run_that_goes_on_with_a_map_and_drops_no_frame_is_replayed_too() {
+fn localizing_live_run_replays() {
     let dir = tempfile::tempdir().unwrap();
     let log = dir.path().join("elsewhere.log");
     let mut run = program();

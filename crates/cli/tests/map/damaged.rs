@@ -4,7 +4,7 @@ use super::saved;
 use crate::common::{check, shell, stillpoint};
 
 #[test]
-fn files_that_are_no_maps_are_refused_with_a_reason() {
+fn invalid_map_files_are_refused_with_a_reason() {
     let dir = tempfile::tempdir().unwrap();
     let good = std::fs::read(saved()).unwrap();
     let path = dir.path().join("odd.spmap");
@@ -76,7 +76,7 @@ fn crc32(bytes: &[u8]) -> u32 {
 /// A small file whose counts ask for gigabytes, with valid checksums.
 #[test]
 #[cfg(target_os = "linux")]
-fn huge_counts_take_no_memory() {
+fn huge_counts_allocate_no_memory() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("greedy.spmap");
     let good = std::fs::read(saved()).unwrap();

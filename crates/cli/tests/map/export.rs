@@ -7,7 +7,7 @@ use stillpoint::geometry::{Mat6, Se3, Vec3};
 use stillpoint::map::{Correction, KeyframeId, LoopEdge, MapFile};
 
 #[test]
-fn exports_hold_what_is_in_the_map() {
+fn exports_match_the_map_content() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     let export = |options: &[(&str, PathBuf)]| {
@@ -90,7 +90,7 @@ fn exports_hold_what_is_in_the_map() {
 }
 
 #[test]
-fn the_ending_of_a_file_says_which_cloud_it_is() {
+fn file_extension_selects_the_point_cloud_format() {
     let dir = tempfile::tempdir().unwrap();
     let export = |name: &str| {
         let mut command = program();
@@ -117,7 +117,7 @@ fn the_ending_of_a_file_says_which_cloud_it_is() {
 }
 
 #[test]
-fn loops_are_exported_as_they_were_measured() {
+fn loops_are_exported_as_measured() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     let bytes = std::fs::read(saved()).unwrap();

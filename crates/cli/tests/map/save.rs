@@ -8,7 +8,7 @@ use std::process::Command;
 use stillpoint::map::MapFile;
 
 #[test]
-fn a_saved_map_is_the_one_that_was_made() {
+fn saved_map_matches_the_run() {
     let bytes = std::fs::read(saved()).unwrap();
     let map = MapFile::from_bytes(&bytes).unwrap().map;
     assert_eq!(map.check(), Ok(()));
@@ -57,7 +57,7 @@ fn a_saved_map_is_the_one_that_was_made() {
 }
 
 #[test]
-fn a_map_that_cannot_be_written_is_reported_before_the_run() {
+fn unwritable_map_path_is_reported_before_the_run() {
     let case = Case::new();
     let map = case.dir.path().join("maps/room.spmap");
     let arguments = ["--save-map", map.to_str().unwrap()];
@@ -87,7 +87,7 @@ fn a_map_that_cannot_be_written_is_reported_before_the_run() {
 /// A file size limit acts like a full disk: writing fails half-way.
 #[test]
 #[cfg(unix)]
-fn a_full_disk_does_not_harm_the_old_map() {
+fn full_disk_keeps_the_old_map() {
     let case = Case::new();
     let map = case.dir.path().join("maps/room.spmap");
     std::fs::create_dir(map.parent().unwrap()).unwrap();
@@ -106,7 +106,7 @@ fn a_full_disk_does_not_harm_the_old_map() {
 
 #[test]
 #[cfg(unix)]
-fn an_interrupted_run_saves_its_map() {
+fn interrupted_run_saves_its_map() {
     let dir = tempfile::tempdir().unwrap();
     let map = dir.path().join("half.spmap");
     let mut child = program()
@@ -143,7 +143,7 @@ fn an_interrupted_run_saves_its_map() {
 
 /// A run that loses track saves its map; one without a map leaves the older file.
 #[test]
-fn a_run_that_is_lost_saves_what_it_has() {
+fn run_that_loses_track_saves_its_map() {
     let case = Case::new();
     let map = case.dir.path().join("room.spmap");
     let arguments = ["--save-map", map.to_str().unwrap()];

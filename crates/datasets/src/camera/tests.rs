@@ -2,7 +2,7 @@ use super::*;
 use proptest::prelude::*;
 
 #[test]
-fn presets_read_and_hold_the_published_figures() {
+fn presets_parse_and_match_published_values() {
     for name in CameraModel::preset_names() {
         let m = CameraModel::preset(name).unwrap();
         assert_eq!(m.name, name);
@@ -41,7 +41,7 @@ fn unknown_presets_list_the_choices() {
 }
 
 #[test]
-fn broken_camera_files_name_line_and_reason() {
+fn malformed_camera_files_report_line_and_reason() {
     let toml = |t: &str| {
         CameraModel::parse_toml(t, Path::new("camera.toml"))
             .unwrap_err()
@@ -85,7 +85,7 @@ fn broken_camera_files_name_line_and_reason() {
 
 proptest! {
     #[test]
-    fn to_toml_reads_back(f in 1.0..2000.0f64, c in -10.0..1000.0f64, k in -2.0..2.0f64, s in 1.0..1e5f64, name in "\\PC{0,20}") {
+    fn camera_model_round_trips_through_toml(f in 1.0..2000.0f64, c in -10.0..1000.0f64, k in -2.0..2.0f64, s in 1.0..1e5f64, name in "\\PC{0,20}") {
         // Without a size, since not every lens is invertible in every image.
         let m = CameraModel {
             name,

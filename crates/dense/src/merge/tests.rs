@@ -66,7 +66,7 @@ fn known(map: &DenseMap) -> Vec<([i32; 3], usize, i16, u16, u32)> {
 }
 
 #[test]
-fn by_the_identity_a_map_is_the_same() {
+fn identity_motion_keeps_the_map() {
     let map = whole(0.03);
     assert!(map.blocks() > 20 && map.crossed_cells() > 5);
     let moved = map.moved(&Se3::identity());
@@ -99,7 +99,7 @@ proptest! {
 
     /// A transformed ball is round, closed, coloured and in place; the control is not.
     #[test]
-    fn a_moved_ball_is_where_it_should_be(
+    fn moved_ball_stays_round_closed_and_in_place(
         turn in prop::array::uniform3(-2.0_f64..2.0),
         step in prop::array::uniform3(-3.0_f64..3.0),
         voxel in 0.02_f64..0.04,
@@ -119,7 +119,7 @@ proptest! {
 
     /// Unknown space stays unknown, and known distances equal the interpolation.
     #[test]
-    fn nothing_is_made_up(turn in prop::array::uniform3(-2.0_f64..2.0), step in prop::array::uniform3(-1.0_f64..1.0)) {
+    fn moving_creates_no_new_surface_or_free_space(turn in prop::array::uniform3(-2.0_f64..2.0), step in prop::array::uniform3(-1.0_f64..1.0)) {
         let map = ball(0.03, 0.05, |d| d.x > 0.0);
         let pose = Se3::exp(&Vec6::new(step[0], step[1], step[2], turn[0], turn[1], turn[2]));
         let (moved, back) = (map.moved(&pose), pose.inverse());
@@ -149,7 +149,7 @@ proptest! {
 
     /// Cells that are free in the transformed map were free; crossed cells stay crossed.
     #[test]
-    fn cells_are_carried_over_with_care(
+    fn moved_cells_are_conservative(
         turn in prop::array::uniform3(-2.0_f64..2.0),
         step in prop::array::uniform3(-1.0_f64..1.0),
         cells in prop::sample::select(vec![(0.05, 0.05), (0.05, 0.03), (0.03, 0.05)]),
@@ -185,7 +185,7 @@ proptest! {
 }
 
 #[test]
-fn two_halves_become_a_whole_in_the_axes_of_the_first() {
+fn two_halves_merge_in_the_axes_of_the_first() {
     let halves = || [true, false].map(|side| ball(0.03, 0.05, move |d| (d.z > 0.5) == side));
     let pose = Se3::exp(&Vec6::new(0.7, -0.4, 0.2, 0.5, -1.0, 0.3));
     let [mut first, second] = halves();
@@ -213,7 +213,7 @@ fn two_halves_become_a_whole_in_the_axes_of_the_first() {
 }
 
 #[test]
-fn means_are_by_weight_and_free_space_takes_nothing_away() {
+fn merging_averages_by_weight_and_keeps_occupied_cells() {
     let wall = |z: f64, frames: usize| {
         let mut map = DenseMap::new(&config(0.02), Simd::detect());
         for _ in 0..frames {
@@ -242,7 +242,7 @@ fn means_are_by_weight_and_free_space_takes_nothing_away() {
 }
 
 #[test]
-fn other_voxels_are_resampled_or_refused_in_words() {
+fn other_voxel_sizes_are_resampled_or_refused() {
     let pose = Se3::exp(&Vec6::new(0.3, -0.2, 0.1, 0.5, -1.0, 0.3));
     for (voxel, other) in [(0.02, 0.04), (0.04, 0.02), (0.015, 0.06), (0.03, 0.01)] {
         let mut map = ball(voxel, 0.05, |_| false);
@@ -281,7 +281,7 @@ fn other_voxels_are_resampled_or_refused_in_words() {
 }
 
 #[test]
-fn cells_that_are_much_larger_are_refused() {
+fn much_larger_cells_are_refused() {
     let [mut map, other] = [0.02, 0.1].map(|cell| ball(0.04, cell, |_| false));
     let said = map.absorb(&other, &Se3::identity()).unwrap_err();
     let words = "expected cells of 0.000 to 0.080 m beside those of 0.02 m, found 0.1 m";
@@ -289,7 +289,7 @@ fn cells_that_are_much_larger_are_refused() {
 }
 
 #[test]
-fn motions_that_are_not_finite_or_lead_far_away_give_nothing() {
+fn non_finite_or_huge_motions_give_an_empty_map() {
     let map = ball(0.04, 0.05, |d| d.x > 0.5);
     for x in [f64::NAN, f64::INFINITY, 1e12] {
         let far = Se3 {

@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn fewer_triangles_show_the_same() {
+    fn simplified_mesh_keeps_its_shape() {
         let fine = square(100);
         let coarse = fine.with_triangles(1000);
         assert!(

@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn every_crossed_edge_is_used_and_no_other() {
+    fn exactly_the_crossed_edges_are_used() {
         let table = Table::new();
         for case in 0..=255_u8 {
             let used: std::collections::BTreeSet<u8> =
@@ -138,7 +138,7 @@ mod tests {
 
     /// Within a cube each triangle edge is used twice, in both directions, unless it is on a face.
     #[test]
-    fn surfaces_end_on_faces_only() {
+    fn surfaces_end_only_on_cell_faces() {
         let table = Table::new();
         for case in 0..=255_u8 {
             let mut sides = Vec::new();
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn triangles_face_away_from_what_is_inside() {
+    fn triangles_face_outward() {
         let table = Table::new();
         for corner in 0..8 {
             let [t] = table.triangles(1 << corner) else {

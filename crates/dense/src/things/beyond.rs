@@ -46,7 +46,7 @@ mod tests {
     use stillpoint_geometry::{Camera, Se3};
 
     #[test]
-    fn what_was_cut_by_a_box_goes_on_and_what_ends_with_it_does_not() {
+    fn surface_continuation_beyond_a_box_is_detected() {
         let grid = Grid::new(&Camera::pinhole(640, 480, [525.0, 525.0, 320.0, 240.0]));
         // A surface at 2 m left of the image centre, a wall at 4 m right of it.
         let depth = |i: usize| if grid.pixel(i).x < 320.0 { 2000 } else { 4000 };

@@ -278,7 +278,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_is_read(records in prop::collection::vec(record(), 0..5)) {
+        fn things_round_trip_through_bytes(records in prop::collection::vec(record(), 0..5)) {
             let map = map(records);
             let bytes = map.to_bytes();
             prop_assert_eq!(ThingMap::from_bytes(&bytes), Ok(map));
@@ -290,7 +290,7 @@ mod tests {
         }
 
         #[test]
-        fn any_bytes_are_refused_or_read(tail in prop::collection::vec(any::<u8>(), 0..200), flip in 0..200_usize) {
+        fn arbitrary_bytes_are_refused_or_read(tail in prop::collection::vec(any::<u8>(), 0..200), flip in 0..200_usize) {
             let _ = ThingMap::from_bytes(&tail);
             let _ = ThingMap::from_bytes(&[&MAGIC[..], &tail].concat());
             let mut bytes = map(Vec::new()).to_bytes();
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn damage_is_said_in_words() {
+    fn damage_is_reported_in_words() {
         let said = |bytes: &[u8]| ThingMap::from_bytes(bytes).unwrap_err().to_string();
         assert!(
             said(b"SPDENSE2").contains("expected things (SPTHING1 to SPTHING3), found other bytes")

@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_on_the_floor_comes_last_and_what_is_small_first() {
+    fn small_things_claim_points_first_and_floor_things_last() {
         let (table, chair) = (
             claimant("dining table", 0.9, 2.0),
             claimant("chair", 0.7, 1.2),

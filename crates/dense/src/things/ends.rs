@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chair_seen_from_one_side_goes_on_behind_it() {
+    fn chair_seen_from_one_side_is_extended_behind() {
         let front = pose([0.0, 0.0, 0.8], 0.0);
         let chair = completed("chair", &[], &[front]);
         let near = chair.centre.y - 0.5 * chair.size.y;
@@ -276,14 +276,14 @@ mod tests {
     }
 
     #[test]
-    fn what_nobody_looked_at_is_as_large_as_its_class_and_where_it_was() {
+    fn unviewed_sides_get_the_usual_size_of_the_class() {
         let chair = completed("chair", &[], &[]);
         assert!((chair.centre - sheet().centre).norm() < 1e-9);
         assert!((0.5..0.75).contains(&chair.size.x) && (0.5..0.75).contains(&chair.size.y));
     }
 
     #[test]
-    fn sizes_are_expected_between_what_was_seen_and_what_there_is_room_for() {
+    fn expected_size_is_between_seen_size_and_free_space() {
         let desk = [0.8, 0.1];
         assert!((expected(0.3, 2.0, desk) - 0.8).abs() < 1e-3);
         // No space, little space, and more than usual.

@@ -224,7 +224,7 @@ mod tests {
 
     /// A desk of 1.6 x 0.8 m at a wall that was seen half a metre farther along.
     #[test]
-    fn a_wall_beside_a_table_is_no_part_of_it() {
+    fn wall_beside_a_table_is_excluded() {
         let grid = |n: i32| (0..=n).map(|i| 0.04 * f64::from(i));
         let mut points = Vec::new();
         for x in grid(40) {
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_leg_is_no_table() {
+    fn table_leg_is_too_small_to_be_a_table() {
         let can = |class: &str, size: [f64; 3]| {
             let bounds = UprightBox {
                 centre: Vec3::zeros(),

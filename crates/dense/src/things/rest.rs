@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_is_found_by_one_part_at_a_time() {
+    fn detached_parts_of_a_table_are_recognised() {
         let left = piece("dining table", 0.0, 0..8);
         assert!(is_rest(
             &left,

@@ -139,7 +139,7 @@ mod tests {
 
     /// A chair half a metre wide and deep at x = 0, from which a row of points leads to something two metres behind it.
     #[test]
-    fn what_a_chair_hangs_together_with_is_cut_off() {
+    fn points_connected_to_a_chair_are_cut_off() {
         let at = |x: f64, z: f64| Vec3::new(x, 0.0, z);
         let mut places: Vec<Vec3> = Vec::new();
         for i in 0..=10 {
@@ -179,7 +179,7 @@ mod tests {
 
     /// A chair connected to a shelf behind it, both as wide as its box.
     #[test]
-    fn a_shelf_that_goes_on_behind_a_chair_is_cut_off() {
+    fn shelf_behind_a_chair_is_cut_off() {
         let mut cells = Vec::new();
         for i in 0..=10 {
             for k in 0..=14 {

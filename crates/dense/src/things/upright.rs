@@ -111,7 +111,7 @@ mod tests {
     proptest! {
         /// A turned and tilted box is recovered from points on its faces.
         #[test]
-        fn boxes_are_found(
+        fn upright_box_is_recovered_from_points(
             size in prop::array::uniform3(0.05..2.0_f64), turn in 0.0..1.57_f64,
             tilt in prop::array::uniform3(-0.4..0.4_f64), at in prop::array::uniform3(-3.0..3.0_f64),
         ) {
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_few_strays_do_not_matter() {
+    fn box_is_robust_to_stray_points() {
         let mut points: Vec<Vec3> = (0..400)
             .map(|i| Vec3::new(f64::from(i % 20), f64::from(i / 20), 0.0) * 0.05)
             .collect();
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn sides_reach_to_places_beyond_them() {
+    fn box_extends_to_outside_points() {
         let seat = UprightBox {
             centre: Vec3::new(1.0, 2.0, 0.5),
             size: Vec3::new(0.4, 0.2, 1.0),
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn feet_are_put_on_the_floor() {
+    fn box_is_extended_down_to_the_floor() {
         let seat = UprightBox {
             centre: Vec3::new(1.0, 2.0, 0.75),
             size: Vec3::new(0.5, 0.5, 0.5),

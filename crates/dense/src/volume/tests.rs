@@ -92,7 +92,7 @@ proptest! {
 
     /// A ball seen from all around is closed, smooth and in place.
     #[test]
-    fn a_ball_is_closed_and_round(
+    fn fused_ball_is_closed_and_round(
         at in prop::array::uniform3(-3.0_f64..3.0),
         radius in 0.25_f64..0.4,
         voxel in 0.02_f64..0.04,
@@ -128,7 +128,7 @@ proptest! {
 
     /// A wall is flat, and open only at its border.
     #[test]
-    fn a_wall_is_flat_and_ends_at_its_border(
+    fn fused_wall_is_flat_and_open_only_at_its_border(
         turn in prop::array::uniform3(-0.5_f64..0.5),
         distance in 0.8_f64..1.5,
         voxel in 0.02_f64..0.04,
@@ -172,7 +172,7 @@ proptest! {
 
     /// Vector and portable code give the same bits for any observation.
     #[test]
-    fn vectors_are_scalars(
+    fn vector_and_scalar_integration_agree(
         seed in any::<u64>(),
         turn in prop::array::uniform3(-3.0_f64..3.0),
     ) {
@@ -225,7 +225,7 @@ fn with_box(z: f64) -> impl Fn(&Vec3, &Vec3) -> Option<f64> {
 }
 
 #[test]
-fn what_is_carried_away_is_gone_when_it_is_seen_through() {
+fn removed_object_disappears_when_seen_through() {
     let mut volume = Volume::new(&config(0.02), Simd::detect());
     let there = |v: &Volume| {
         let mesh = v.mesh(&MeshOptions::default());
@@ -263,7 +263,7 @@ fn what_is_carried_away_is_gone_when_it_is_seen_through() {
 }
 
 #[test]
-fn what_is_occluded_or_unmeasured_stays() {
+fn occluded_or_unmeasured_surfaces_stay() {
     let mut volume = Volume::new(&config(0.02), Simd::detect());
     for _ in 0..10 {
         volume.integrate(
@@ -293,7 +293,7 @@ fn what_is_occluded_or_unmeasured_stays() {
 }
 
 #[test]
-fn empty_blocks_are_given_back() {
+fn empty_blocks_are_freed() {
     let mut volume = Volume::new(&config(0.02), Simd::detect());
     for _ in 0..4 {
         volume.integrate(
@@ -325,7 +325,7 @@ fn empty_blocks_are_given_back() {
 }
 
 #[test]
-fn small_pieces_are_left_out() {
+fn small_mesh_pieces_are_dropped() {
     let dot = |_: &Vec3, d: &Vec3| {
         Some(if d.x.abs() < 0.03 && d.y.abs() < 0.03 {
             1.0
@@ -356,7 +356,7 @@ fn small_pieces_are_left_out() {
 }
 
 #[test]
-fn poses_that_are_not_finite_or_far_away_change_nothing() {
+fn non_finite_or_huge_poses_change_nothing() {
     let mut volume = Volume::new(&config(0.02), Simd::detect());
     for x in [f64::NAN, f64::INFINITY, 1e12] {
         let pose = Se3 {
@@ -376,7 +376,7 @@ fn poses_that_are_not_finite_or_far_away_change_nothing() {
 }
 
 #[test]
-fn files_have_the_sizes_that_they_tell() {
+fn mesh_files_match_their_stated_sizes() {
     let mut volume = Volume::new(&config(0.04), Simd::detect());
     volume.integrate(
         &look(&still(), |_, _| Some(1.0)),

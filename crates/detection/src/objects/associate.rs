@@ -169,7 +169,7 @@ mod tests {
     proptest! {
         /// Solving by group gives the same sum as solving all at once.
         #[test]
-        fn groups_lose_nothing(numbers in prop::collection::vec((0..7_usize, 0..8_usize, 1..50_i64), 0..20)) {
+        fn assignment_by_groups_is_optimal(numbers in prop::collection::vec((0..7_usize, 0..8_usize, 1..50_i64), 0..20)) {
             let mut of = BTreeMap::new();
             for (track, detection, benefit) in numbers {
                 of.insert((track, detection), benefit);

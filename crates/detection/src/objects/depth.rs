@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_before_a_wall_is_the_nearer_surface() {
+    fn body_in_front_of_a_wall_is_the_nearer_surface() {
         // A slanted body 3 of 5 central cells wide, a wall 2 m behind it.
         let depth = depth_of(|x, y| {
             if (7..11).contains(&x) {
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_few_near_cells_are_no_surface() {
+    fn few_near_cells_are_not_a_surface() {
         let near = depth_of(|x, y| if x == 9 && y < 10 { 0.8 } else { 3.0 });
         let found = modes(&near, &BOX);
         assert_eq!(found.len(), 1, "{found:?}");
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fullest_window_wins_over_its_fringe() {
+    fn fullest_depth_window_wins() {
         // Stray cells in front of the body are not a surface and do not bias it.
         let found = modes(
             &depth_of(|x, y| if (x + y) % 5 == 0 { 1.7 } else { 2.2 }),
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn no_depth_has_no_surface() {
+    fn missing_depth_has_no_surface() {
         assert!(modes(&depth_of(|_, _| 0.0), &BOX).is_empty());
         assert!(modes(&CoarseDepth::default(), &BOX).is_empty());
         assert!(modes(&depth_of(|_, _| 2.0), &BoundingBox::default()).is_empty());

@@ -121,7 +121,7 @@ mod tests {
 
         /// Pairs rejected by the cheap test fail all gates, also at the image border and without depth.
         #[test]
-        fn what_is_far_fits_nothing(a in boxes(), b in boxes(), has_depth in prop::bool::ANY, seconds in 0.0..1.0_f64) {
+        fn distant_boxes_fail_all_gates(a in boxes(), b in boxes(), has_depth in prop::bool::ANY, seconds in 0.0..1.0_f64) {
             let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
             let view = View::ahead(&camera);
             let z = if has_depth { 2.0 } else { 0.0 };
@@ -163,7 +163,7 @@ mod tests {
 
     /// Sides cut by the border are uncertain, but a person does not shrink to a sliver in the middle of the image.
     #[test]
-    fn nobody_shrinks_to_less_than_half_where_nothing_cuts_him() {
+    fn person_does_not_shrink_below_half_unless_cut() {
         assert!(fits_after_border(300.0, [10.0, 0.0, 270.0, 480.0]));
         assert!(!fits_after_border(300.0, [140.0, 0.0, 20.0, 480.0]));
         assert!(

@@ -170,7 +170,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn one_after_the_other_is_all_at_once(v in numbers(72), h in numbers(40), z in numbers(5)) {
+        fn sequential_updates_equal_a_joint_update(v in numbers(72), h in numbers(40), z in numbers(5)) {
             let prior = gaussian(&v);
             let jacobian = SMatrix::<f64, 5, 8>::from_row_slice(&h);
             let residual = SVector::<f64, 5>::from_column_slice(&z);
@@ -195,7 +195,7 @@ mod tests {
         }
 
         #[test]
-        fn two_steps_are_one(v in numbers(72), a in 0.0..1.0_f64, b in 0.0..1.0_f64, sign in prop::bool::ANY) {
+        fn two_propagation_steps_equal_one(v in numbers(72), a in 0.0..1.0_f64, b in 0.0..1.0_f64, sign in prop::bool::ANY) {
             let s = if sign { 1.0 } else { -1.0 };
             let mut once = gaussian(&v);
             let mut twice = once.clone();
@@ -207,7 +207,7 @@ mod tests {
         }
 
         #[test]
-        fn back_and_forth_keeps_the_mean_and_adds_doubt(v in numbers(72), dt in 0.01..1.0_f64) {
+        fn forward_and_back_keeps_the_mean_and_adds_covariance(v in numbers(72), dt in 0.01..1.0_f64) {
             let start = gaussian(&v);
             let mut end = start.clone();
             end.propagate(dt, &DRIVES);

@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_that_are_none_are_left_out() {
+    fn invalid_boxes_give_no_measurement() {
         assert!(measure([f64::NAN, 0.0, 10.0, 10.0]).is_none());
         assert!(measure([0.0, 0.0, f64::INFINITY, 10.0]).is_none());
         assert!(measure([20.0, 0.0, 10.0, 10.0]).is_none());
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn sides_at_the_border_bind_one_way() {
+    fn sides_at_the_image_border_constrain_one_direction() {
         let rows = |m: &Measurement, predicted: Sides| {
             m.side_rows(&predicted, &[Vec8::zeros(); 4], 0.1)
                 .iter()
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_grows_with_the_box() {
+    fn box_noise_grows_with_its_size() {
         let variance = |b| {
             let m = measure(b).unwrap();
             m.side_rows(&m.sides, &[Vec8::zeros(); 4], 0.1)[0].variance

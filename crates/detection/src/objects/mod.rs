@@ -125,7 +125,7 @@ mod tests {
     use stillpoint_geometry::Vec6;
 
     #[test]
-    fn an_object_is_the_same_from_the_camera_and_in_the_world() {
+    fn object_is_transformed_into_the_camera_frame() {
         let object = Object {
             id: ObjectId(1),
             class: ClassId::PERSON,

@@ -302,7 +302,7 @@ mod tests {
     /// Backs and outstretched arms are farther from a track's depth than a body is thick: they must not be attributed
     /// to a person far behind.
     #[test]
-    fn a_surface_between_two_is_that_of_the_nearer() {
+    fn intermediate_surface_belongs_to_the_nearer_person() {
         for theirs in [1.0, 1.2, 1.45, 1.7] {
             assert_eq!(left_for_the_farther(theirs), Vec::<f64>::new(), "{theirs}");
         }

@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn what_walks_is_where_its_state_is() {
+    fn walking_object_is_reported_at_its_state() {
         let states: Vec<f64> = (0..30).map(|n| 1.4 * f64::from(n) * FRAME).collect();
         let found = reported(&states, &mut Place::default());
         for (state, (x, steady)) in states.iter().zip(found) {
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slip_is_followed_no_faster_than_anybody_runs() {
+    fn small_jump_is_followed_at_limited_speed() {
         let states: Vec<f64> = (0..30).map(|n| if n < 5 { 0.0 } else { 0.6 }).collect();
         let found = reported(&states, &mut Place::default());
         for pair in found.windows(2) {
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_more_than_a_step_elsewhere_is_not_steady_for_one_update() {
+    fn large_jump_is_unsteady_for_one_update() {
         let mut place = Place::default();
         let found = reported(&[0.0, 0.0, 2.0, 2.0], &mut place);
         let steady: Vec<bool> = found.iter().map(|(_, steady)| *steady).collect();

@@ -160,7 +160,7 @@ mod tests {
     };
 
     #[test]
-    fn jacobians_are_those_of_differences() {
+    fn planar_jacobians_match_differences() {
         let start = view(0.0);
         let f = Planar::new(&start, &measured(&start, BOX), 0.06);
         let (_, jacobians) = f.project(&start).unwrap();
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn follows_a_box_that_moves_and_grows() {
+    fn planar_filter_follows_a_moving_growing_box() {
         let v = view(0.0);
         let at = |t: f64| BoundingBox {
             x0: 100.0 + 100.0 * t,
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_with_the_camera() {
+    fn planar_state_rotates_with_the_camera() {
         let start = view(0.0);
         let mut f = Planar::new(&start, &measured(&start, BOX), 0.06);
         let ray = CAMERA.ray(stillpoint_geometry::Vec2::new(140.0, 220.0));

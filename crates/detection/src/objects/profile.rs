@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_askew_in_the_image_has_his_middle_where_his_axis_is() {
+    fn leaning_person_is_centred_on_the_body_axis() {
         let upper = BoundingBox { y1: 140.0, ..BOX };
         let range = [1.75, 2.25];
         let middle =
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fills_little_of_a_box_has_no_middle() {
+    fn surface_filling_little_of_a_box_has_no_middle() {
         let wide = BoundingBox {
             x0: 0.0,
             x1: 260.0,
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_count_what_lies_between_two_depths() {
+    fn shares_count_depths_within_a_range() {
         let depth = body(120.0, 0.0);
         let profile = Profile::new(&depth, &BOX);
         let (near, far) = (profile.share([1.75, 2.25]), profile.share([3.75, 4.25]));

@@ -84,14 +84,14 @@ mod tests {
     }
 
     #[test]
-    fn parks_after_the_time_and_not_before() {
+    fn object_parks_only_after_the_required_time() {
         let mut r = Rigidity::default();
         assert_eq!(run(&mut r, 0.0, 59, [19, 20]), Motion::Unknown);
         assert_eq!(run(&mut r, 2.0, 3, [19, 20]), Motion::Parked);
     }
 
     #[test]
-    fn a_swinging_arm_keeps_it_parked_and_a_step_does_not() {
+    fn brief_partial_motion_keeps_parked_a_step_does_not() {
         let mut r = Rigidity::default();
         run(&mut r, 0.0, 90, [20, 20]);
         assert_eq!(run(&mut r, 3.1, 2, [12, 20]), Motion::Parked);
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn few_features_and_old_stamps_say_nothing() {
+    fn few_features_and_old_stamps_are_ignored() {
         let mut r = Rigidity::default();
         assert_eq!(run(&mut r, 0.0, 90, [4, 4]), Motion::Unknown);
         assert_eq!(run(&mut r, 5.0, 20, [0, 20]), Motion::Moving);
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn a_share_between_the_bounds_changes_nothing() {
+    fn share_within_the_hysteresis_changes_nothing() {
         for (count, first) in [([0, 20], Motion::Moving), ([20, 20], Motion::Parked)] {
             let mut r = Rigidity::default();
             assert_eq!(run(&mut r, 0.0, 90, count), first);

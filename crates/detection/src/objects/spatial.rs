@@ -263,7 +263,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn jacobians_are_those_of_differences(
+        fn spatial_jacobians_match_differences(
             at in prop::array::uniform3(-1.0..1.0_f64), size in prop::array::uniform2(-2.0..0.5_f64),
             twist in prop::array::uniform6(-0.4..0.4_f64)
         ) {
@@ -287,7 +287,7 @@ mod tests {
         }
 
         #[test]
-        fn the_size_behind_a_rolled_box(w in 0.1..1.0_f64, h in 0.1..2.0_f64, roll in -0.5..0.5_f64) {
+        fn upright_size_is_recovered_from_a_rolled_box(w in 0.1..1.0_f64, h in 0.1..2.0_f64, roll in -0.5..0.5_f64) {
             let c = libm::cos(roll);
             let roll = [c * c, 1.0 - c * c];
             let seen = [
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn projects_a_person_by_hand() {
+    fn person_projection_matches_a_manual_calculation() {
         let camera = Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]);
         let view = View::ahead(&camera);
         let (w, h) = (libm::log(0.5), libm::log(1.6));

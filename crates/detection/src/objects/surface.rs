@@ -76,7 +76,7 @@ mod tests {
     use stillpoint_geometry::Camera;
 
     #[test]
-    fn keeps_to_its_own_surface() {
+    fn object_keeps_its_own_surface() {
         let camera = Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]);
         let view = View::ahead(&camera);
         let f = Spatial {

@@ -65,14 +65,14 @@ mod tests {
     }
 
     #[test]
-    fn one_camera_is_level() {
+    fn single_pose_is_assumed_level() {
         let mut vertical = Vertical::default();
         let pose = Se3::new(so3::exp(&Vec3::new(0.3, 0.2, -0.1)), Vec3::x());
         assert!((vertical.observe(&pose) - pose.rotation * Vec3::y()).norm() < 1e-9);
     }
 
     #[test]
-    fn one_that_looks_down_and_turns_tells_the_vertical() {
+    fn turning_tilted_camera_reveals_the_vertical() {
         let turned = |degrees: f64| {
             let span = degrees.to_radians();
             error((0..100).map(|i| [span * (f64::from(i) / 99.0 - 0.5), -0.35, 0.0]))
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn rolls_to_and_fro_cancel_out() {
+    fn alternating_rolls_cancel_out() {
         let swing = |i: i32, pace: f64| 0.5 * libm::sin(f64::from(i) * pace);
         let rolls = error((0..300).map(|i| [0.0, 0.0, swing(i, 0.2)]));
         let all = error((0..300).map(|i| [swing(i, 0.11), swing(i, 0.17), swing(i, 0.2)]));

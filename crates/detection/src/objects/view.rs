@@ -140,7 +140,7 @@ mod tests {
     proptest! {
         /// Two points of a vertical line project with the computed slope.
         #[test]
-        fn plumb_lines_lean(
+        fn projected_vertical_lines_have_the_computed_slope(
             roll in -0.6..0.6_f64, pitch in -0.4..0.4_f64, x in -0.4..0.4_f64, y in -0.3..0.3_f64, z in 1.0..4.0_f64
         ) {
             let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_outside_has_no_area() {
+    fn box_outside_the_image_has_no_area() {
         let camera = fr1();
         let view = View::ahead(&camera);
         for sides in [

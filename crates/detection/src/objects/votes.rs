@@ -131,7 +131,7 @@ mod tests {
     /// Furniture detected as a person with low scores never becomes sure, regardless of number; a sure person ends when
     /// only low scores follow.
     #[test]
-    fn low_scores_make_nobody_sure_and_end_who_was() {
+    fn low_scores_never_make_an_object_sure_and_end_it() {
         let furniture = after(
             [0.31, 0.28, 0.36, 0.25, 0.33, 0.4]
                 .into_iter()

@@ -29,7 +29,7 @@ fn box_beside(score: f32) -> (BoundingBox, Vec<Object>) {
 /// The position is uncertain after half a second of misses: a sure box beside it is assigned to the person, one of half
 /// the usual score is not.
 #[test]
-fn who_was_missed_goes_where_a_sure_box_is_and_not_where_a_doubtful_one_is() {
+fn missed_person_takes_a_sure_box_but_not_a_doubtful_one() {
     let (own, objects) = box_beside(0.8);
     assert_eq!(objects.len(), 1, "{objects:?}");
     assert!(objects[0].bounds.iou(&own) < 0.4, "{:?}", objects[0].bounds);
@@ -49,7 +49,7 @@ fn who_was_missed_goes_where_a_sure_box_is_and_not_where_a_doubtful_one_is() {
 /// A low-score box at the person's position is assigned: networks give lower scores to people who turn round or are
 /// half hidden.
 #[test]
-fn a_doubtful_box_in_somebodys_place_is_his() {
+fn low_score_box_at_a_person_is_assigned() {
     let world = standing();
     let mut t = tracker(&world);
     for frame in 0..35 {
@@ -63,7 +63,7 @@ fn a_doubtful_box_in_somebodys_place_is_his() {
 
 /// A small box on a person's body, detected once while the person was missed, must not shrink the person.
 #[test]
-fn a_box_on_somebodys_body_that_was_seen_once_does_not_take_his_place() {
+fn single_small_box_does_not_shrink_a_person() {
     let world = World::new(vec![Walker::new(|_| Vec3::new(0.0, 0.2, 1.2))], |_| {
         Se3::default()
     });
@@ -89,7 +89,7 @@ fn a_box_on_somebodys_body_that_was_seen_once_does_not_take_his_place() {
 
 /// A person who leaves the image undetected is predicted there, but marked as hidden.
 #[test]
-fn who_leaves_the_image_is_out_of_sight() {
+fn person_leaving_the_image_is_marked_hidden() {
     let world = World::new(
         vec![Walker::new(|t| Vec3::new(0.9 + 0.4 * t, 0.2, 2.5))],
         |_| Se3::default(),
@@ -117,7 +117,7 @@ fn who_leaves_the_image_is_out_of_sight() {
 
 /// A person at 2.4 m emerges from behind another at 1.2 m: half of the first box shows the other.
 #[test]
-fn who_comes_out_behind_another_is_where_he_is() {
+fn person_emerging_from_occlusion_has_the_right_depth() {
     let world = World::new(
         vec![
             Walker::new(|_| Vec3::new(0.0, 0.2, 1.2)),
@@ -149,7 +149,7 @@ fn who_comes_out_behind_another_is_where_he_is() {
 
 /// A second box of a person, which includes some wall, does not create a person at the wall.
 #[test]
-fn a_second_box_of_somebody_is_at_his_depth() {
+fn duplicate_box_of_a_person_has_the_persons_depth() {
     let world = World::new(vec![Walker::new(|_| Vec3::new(0.0, 0.2, 1.2))], |_| {
         Se3::default()
     });

@@ -7,7 +7,7 @@ use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_imaging::CoarseDepth;
 
 #[test]
-fn one_detection_masks_and_three_make_an_object() {
+fn one_detection_is_tentative_and_three_confirm() {
     let world = standing();
     let mut t = tracker(&world);
     let first = feed(&mut t, &world, 0, true);
@@ -36,7 +36,7 @@ fn one_detection_masks_and_three_make_an_object() {
 }
 
 #[test]
-fn what_was_seen_for_a_moment_is_not_waited_for_long() {
+fn short_tracks_coast_briefly() {
     let world = standing();
     let mut t = tracker(&world);
     for frame in 0..=4 {
@@ -48,7 +48,7 @@ fn what_was_seen_for_a_moment_is_not_waited_for_long() {
 }
 
 #[test]
-fn what_was_seen_once_ends_after_three_misses() {
+fn single_detection_ends_after_three_misses() {
     let world = standing();
     let mut t = tracker(&world);
     feed(&mut t, &world, 0, true);
@@ -92,7 +92,7 @@ fn measures_position_velocity_and_size() {
 }
 
 #[test]
-fn the_box_says_how_sure_it_is() {
+fn box_sigma_matches_its_uncertainty() {
     let world = standing();
     let mut t = tracker(&world);
     for frame in 0..20 {
@@ -131,7 +131,7 @@ fn prediction_changes_nothing_and_agrees_with_the_update() {
 }
 
 #[test]
-fn what_is_out_of_order_is_ignored_and_counted() {
+fn out_of_order_updates_are_ignored_and_counted() {
     let world = standing();
     let mut t = tracker(&world);
     for frame in [3, 5] {
@@ -151,7 +151,7 @@ fn what_is_out_of_order_is_ignored_and_counted() {
 }
 
 #[test]
-fn broken_boxes_are_left_out() {
+fn invalid_boxes_are_dropped() {
     let world = standing();
     let mut t = tracker(&world);
     let bad = |x0: f64, x1: f64| {
@@ -172,7 +172,7 @@ fn broken_boxes_are_left_out() {
 }
 
 #[test]
-fn without_depth_it_follows_the_box_and_depth_completes_it() {
+fn box_is_tracked_without_depth_and_gains_a_position() {
     let mut world = World::new(
         vec![Walker::new(|t| Vec3::new(-0.6 + 0.6 * t, 0.2, 3.0))],
         |_| Se3::default(),
@@ -195,7 +195,7 @@ fn without_depth_it_follows_the_box_and_depth_completes_it() {
 }
 
 #[test]
-fn a_wrong_first_depth_is_corrected() {
+fn wrong_first_depth_is_corrected() {
     let world = standing();
     let wall = World {
         walkers: Vec::new(),
@@ -219,7 +219,7 @@ fn a_wrong_first_depth_is_corrected() {
 }
 
 #[test]
-fn who_leaves_the_image_keeps_his_size() {
+fn person_leaving_the_image_keeps_their_size() {
     let world = World::new(
         vec![Walker::new(|t| Vec3::new(0.6 + 0.5 * t, 0.2, 2.5))],
         |_| Se3::default(),
@@ -240,7 +240,7 @@ fn who_leaves_the_image_keeps_his_size() {
 }
 
 #[test]
-fn rigidity_parks_and_motion_frees() {
+fn rigidity_parks_an_object_and_motion_frees() {
     let world = standing();
     let mut t = tracker(&world);
     let mut motions = Vec::new();
@@ -281,14 +281,14 @@ fn back_after_three_seconds(class: &str, moved: f64) -> Motion {
 }
 
 #[test]
-fn a_thing_that_is_back_in_its_place_is_still_parked() {
+fn thing_re_detected_in_place_is_still_parked() {
     assert_eq!(back_after_three_seconds("tv", 0.0), Motion::Parked);
     assert_eq!(back_after_three_seconds("tv", 0.6), Motion::Unknown);
     assert_eq!(back_after_three_seconds("person", 0.0), Motion::Unknown);
 }
 
 #[test]
-fn an_empty_tracker_predicts_nothing() {
+fn empty_tracker_predicts_nothing() {
     let world = standing();
     let mut t = tracker(&world);
     assert!(t.predict(0.0, &world.pose(0.0)).is_empty());
@@ -301,7 +301,7 @@ fn an_empty_tracker_predicts_nothing() {
 }
 
 #[test]
-fn the_configuration_tells_what_is_out_of_range() {
+fn out_of_range_configuration_is_reported() {
     assert!(ObjectsConfig::default().problems().is_empty());
     let bad = ObjectsConfig {
         coast_seconds: f64::NAN,
@@ -316,7 +316,7 @@ fn the_configuration_tells_what_is_out_of_range() {
 
 /// After a change of the clock or the frame of reference, any stamp is accepted.
 #[test]
-fn after_forgetting_earlier_stamps_are_news() {
+fn earlier_stamps_are_accepted_after_a_reset() {
     let world = standing();
     let mut t = tracker(&world);
     feed(&mut t, &world, 100, true);

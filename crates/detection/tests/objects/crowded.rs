@@ -10,7 +10,7 @@ use stillpoint_imaging::FrameId;
 /// Two thousand boxes per frame: the best one is tracked as if alone, and the number of others is bounded. Comparing
 /// all with all would take half an hour.
 #[test]
-fn the_strongest_of_thousands_is_followed() {
+fn strongest_of_thousands_of_boxes_is_tracked() {
     let world = World::new(vec![Walker::new(|_| Vec3::new(0.2, 0.2, 2.5))], |_| {
         Se3::default()
     });

@@ -6,7 +6,7 @@ use stillpoint_detection::{BoundingBox, ClassId, Detection, ObjectId, ObjectStat
 use stillpoint_geometry::{Se3, Vec3};
 
 #[test]
-fn classes_are_not_mixed() {
+fn classes_are_tracked_separately() {
     let world = standing();
     let mut t = tracker(&world);
     let person_box = person(truth(&world, 0));
@@ -21,7 +21,7 @@ fn classes_are_not_mixed() {
 }
 
 #[test]
-fn a_second_box_on_the_same_person_does_not_stay() {
+fn duplicate_box_on_a_person_is_suppressed_or_merged() {
     let world = standing();
     let whole = truth(&world, 0);
     let half = BoundingBox {
@@ -51,7 +51,7 @@ fn a_second_box_on_the_same_person_does_not_stay() {
 }
 
 #[test]
-fn two_people_close_together_stay_two() {
+fn two_people_close_together_stay_separate() {
     let world = World::new(
         vec![
             Walker::new(|_| Vec3::new(-0.2, 0.2, 2.5)),
@@ -68,7 +68,7 @@ fn two_people_close_together_stay_two() {
 
 /// A cake detected on a person's legs, at the same depth, is part of the person. Beside the person it is a thing.
 #[test]
-fn a_thing_on_a_person_at_his_depth_is_the_person() {
+fn thing_on_a_person_at_the_same_depth_is_suppressed() {
     let world = standing();
     let whole = truth(&world, 0);
     let cake = |by: f64| Detection {
@@ -103,7 +103,7 @@ fn strip(whole: &BoundingBox) -> BoundingBox {
 /// A person visible at the side of another is not part of the other: neither suppressed nor merged. The upper half is:
 /// see above.
 #[test]
-fn who_shows_at_the_side_of_another_is_somebody_else() {
+fn person_visible_beside_another_stays_separate() {
     let world = standing();
     let whole = truth(&world, 0);
     let mut t = tracker(&world);
@@ -121,7 +121,7 @@ fn who_shows_at_the_side_of_another_is_somebody_else() {
 
 /// Two people who were tracked separately, then detected as one, get their ids back when they part.
 #[test]
-fn two_who_stood_as_one_are_known_again() {
+fn two_people_merged_briefly_regain_their_ids() {
     let world = World::new(
         vec![
             Walker::new(|t| Vec3::new(-0.05 - (0.8 - 0.8 * t).abs(), 0.2, 2.5)),
@@ -161,7 +161,7 @@ fn two_who_stood_as_one_are_known_again() {
 /// A screen detected as tv and laptop is one object, with the class of the higher scores; two things side by side are
 /// two.
 #[test]
-fn one_thing_of_two_names_is_one() {
+fn thing_detected_as_two_classes_is_one_object() {
     let world = World {
         walkers: Vec::new(),
         ..standing()

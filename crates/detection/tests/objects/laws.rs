@@ -24,7 +24,7 @@ fn anything() -> impl Strategy<Value = (f64, Vec<[f64; 4]>, [f64; 6], f32)> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
-    fn whatever_comes_objects_are_finite_and_distinct(frames in prop::collection::vec(anything(), 1..20)) {
+    fn objects_are_finite_and_distinct_for_any_input(frames in prop::collection::vec(anything(), 1..20)) {
         let mut t = ObjectTracker::new(ObjectsConfig::default(), distorted());
         for (stamp, boxes, twist, z) in frames {
             let items = boxes.iter().map(|b| person(BoundingBox { x0: b[0], y0: b[1], x1: b[2], y1: b[3] }));

@@ -77,7 +77,7 @@ fn assert_held(score: &Score, share: f64) {
 }
 
 #[test]
-fn a_third_of_the_detections_dropped() {
+fn tracks_survive_a_third_of_detections_missing() {
     for path in [still, panning] {
         for seed in 1..4 {
             let faults = Faults { seed, ..dropped() };
@@ -90,7 +90,7 @@ fn a_third_of_the_detections_dropped() {
 }
 
 #[test]
-fn gaps_of_25_frames() {
+fn tracks_survive_gaps_of_25_frames() {
     for path in [still, panning] {
         let s = score(&World::new(straight(), path), &gaps());
         assert!(s.coasting.len() > 80, "{s}");
@@ -104,7 +104,7 @@ fn gaps_of_25_frames() {
 }
 
 #[test]
-fn people_who_cross() {
+fn crossing_people_keep_their_ids() {
     for (near, far, speed) in [(2.0, 2.8, 0.9), (2.2, 3.6, 1.4), (3.0, 3.5, 0.5)] {
         let world = World::new(
             vec![
@@ -121,7 +121,7 @@ fn people_who_cross() {
 
 /// The filter knows the camera's motion; controls without it, or with image boxes only, fail.
 #[test]
-fn a_panning_camera() {
+fn panning_camera_is_compensated() {
     let world = World::new(straight(), panning);
     let good = |s: &Score| s.switches == 0 && s.mean() > 0.8 && s.missed == 0;
     let s = score(&world, &gaps());
@@ -141,7 +141,7 @@ fn a_panning_camera() {
 }
 
 #[test]
-fn false_alarms() {
+fn false_alarms_create_few_objects() {
     let world = World::new(pacing(), panning);
     let quiet = score(&world, &dropped());
     let faults = Faults {
@@ -157,7 +157,7 @@ fn false_alarms() {
 }
 
 #[test]
-fn detections_that_come_late() {
+fn late_detections_are_tracked() {
     let world = World::new(straight(), panning);
     for (lag, bound) in [(1, 0.85), (3, 0.85), (10, 0.75)] {
         let drive = Drive {
@@ -171,7 +171,7 @@ fn detections_that_come_late() {
 }
 
 #[test]
-fn a_camera_with_distortion() {
+fn distorted_camera_is_tracked() {
     let world = World {
         camera: distorted(),
         ..World::new(straight(), panning)
@@ -186,7 +186,7 @@ fn a_camera_with_distortion() {
 
 /// The walkers of one data set are 0.42 of life size, and nearer.
 #[test]
-fn people_of_any_size() {
+fn people_of_any_size_are_tracked() {
     for scale in [0.42_f64, 1.3] {
         let mut walkers = vec![
             Walker::new(move |t| Vec3::new(0.5 * libm::sin(0.7 * t), 0.2, 2.0) * scale.max(0.6)),
@@ -203,7 +203,7 @@ fn people_of_any_size() {
 
 /// A camera that rolls while detections are missing: the box widens as the person's image rotates.
 #[test]
-fn a_rolling_camera() {
+fn rolling_camera_is_compensated() {
     let rolling = |t: f64| turned(0.0, 0.0, 0.6 * libm::sin(1.5 * t), Vec3::zeros());
     let world = World::new(straight(), rolling);
     let s = score(&world, &gaps());
@@ -223,7 +223,7 @@ fn a_rolling_camera() {
 }
 
 #[test]
-fn the_same_run_gives_the_same_objects() {
+fn tracking_is_deterministic() {
     let world = World::new(pacing(), panning);
     assert_eq!(score(&world, &dropped()), score(&world, &dropped()));
 }

@@ -70,7 +70,7 @@ fn identified(world: &World, seed: u64) -> (f64, usize) {
 /// Depth identifies the person in a box: the one in front is visible completely, the one behind in part. Without depth
 /// they are exchanged.
 #[test]
-fn who_passes_another_at_arms_length_keeps_his_number() {
+fn people_passing_at_arms_length_keep_their_ids() {
     let mean = |with_depth| {
         let share = |seed: u64| {
             let world = World {

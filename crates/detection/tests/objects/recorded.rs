@@ -111,7 +111,7 @@ fn simulated(scene: &str, frames: usize) -> (Camera, Vec<Recorded>) {
 }
 
 #[test]
-fn people_of_the_simulator() {
+fn simulated_people_are_tracked() {
     for scene in ["walking_xyz", "walking_rpy", "walking_halfsphere"] {
         let (camera, frames) = simulated(scene, 300);
         let s = follow(camera, &frames, third);
@@ -167,7 +167,7 @@ fn real() -> Option<(Camera, Vec<Recorded>)> {
 }
 
 #[test]
-fn real_people() {
+fn recorded_people_are_tracked() {
     let Some((camera, frames)) = real() else {
         return;
     };

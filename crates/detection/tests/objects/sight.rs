@@ -38,7 +38,7 @@ fn beside(own: &BoundingBox, other: &BoundingBox) -> BoundingBox {
 /// The person behind is detected by the visible part and keeps the same id before, during and after: sides at the
 /// occluder are not the person's own.
 #[test]
-fn who_shows_behind_another_stays_who_he_is() {
+fn partly_occluded_person_keeps_their_id() {
     let world = passing();
     let mut t = tracker(&world);
     let (mut narrow, mut hidden) = (0, 0);
@@ -71,7 +71,7 @@ fn who_shows_behind_another_stays_who_he_is() {
 
 /// An undetected person behind another is hidden; an undetected one in a free position was only missed.
 #[test]
-fn hidden_is_who_has_another_before_him() {
+fn only_an_occluded_person_is_hidden() {
     for (stands_before, expected) in [(true, ObjectState::Hidden), (false, ObjectState::Coasting)] {
         let x = if stands_before { 0.2 } else { -0.8 };
         let world = World::new(
@@ -96,7 +96,7 @@ fn hidden_is_who_has_another_before_him() {
 /// The first boxes of a person entering at a corner show mostly the wall. The track must continue, at the right
 /// position, when more is visible.
 #[test]
-fn who_comes_in_is_one_though_the_wall_showed_first() {
+fn entering_person_is_one_track_despite_wall_depth() {
     let world = World::new(vec![Walker::new(|_| Vec3::new(0.9, 0.2, 1.6))], |_| {
         Se3::default()
     });
@@ -129,7 +129,7 @@ fn who_comes_in_is_one_though_the_wall_showed_first() {
 
 /// A switch to another surface is not motion: reported positions move no faster than a run.
 #[test]
-fn a_position_that_jumps_is_not_reported() {
+fn reported_positions_do_not_jump() {
     let world = World::new(vec![Walker::new(|_| Vec3::new(0.2, 0.2, 1.6))], |_| {
         Se3::default()
     });
@@ -161,7 +161,7 @@ fn a_position_that_jumps_is_not_reported() {
 }
 
 #[test]
-fn no_velocity_is_above_that_of_a_run() {
+fn velocity_is_limited_to_running_speed() {
     let world = World::new(
         vec![Walker::new(|t| Vec3::new(-1.4 + 4.5 * t, 0.2, 3.0))],
         |_| Se3::default(),

@@ -43,7 +43,7 @@ fn rolling(t: f64) -> Se3 {
 
 /// By the sides alone the error is 0.35 m/s for both cameras.
 #[test]
-fn arms_that_swing_are_no_speed() {
+fn swinging_arms_do_not_bias_the_speed() {
     for (path, most) in [(still as fn(f64) -> Se3, 0.15), (rolling, 0.27)] {
         let (without, with) = (speed_error(0.0, path), speed_error(0.5, path));
         println!("{without:.3} {with:.3}");

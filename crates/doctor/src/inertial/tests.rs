@@ -46,7 +46,7 @@ fn judged(samples: &[ImuSample], stated: &ImuModel) -> Report {
 }
 
 #[test]
-fn a_sensor_as_it_is_stated_is_in_order() {
+fn correctly_described_inertial_sensor_has_no_findings() {
     let report = judged(&samples(&to_sensor(), 1.0, 9.8, 0.0), &stated(mount()));
     assert!(report.findings.is_empty(), "{report}");
     assert!(
@@ -56,7 +56,7 @@ fn a_sensor_as_it_is_stated_is_in_order() {
 }
 
 #[test]
-fn what_is_wrong_is_named_with_what_would_be_right() {
+fn inertial_faults_are_reported_with_correct_values() {
     let right = stated(mount());
     let mirror = Mat3::from_diagonal(&Vec3::new(1.0, -1.0, 1.0));
     let q = mount().coords;
@@ -97,7 +97,7 @@ fn what_is_wrong_is_named_with_what_would_be_right() {
 }
 
 #[test]
-fn a_sensor_of_somebody_else_is_named() {
+fn unrelated_inertial_data_is_reported() {
     let mut other = samples(&to_sensor(), 1.0, 9.8, 0.0);
     other.reverse();
     let stamps: Vec<f64> = other.iter().rev().map(|s| s.stamp).collect();
@@ -113,7 +113,7 @@ fn a_sensor_of_somebody_else_is_named() {
 }
 
 #[test]
-fn a_camera_that_stands_still_tells_nothing() {
+fn static_camera_gives_no_inertial_findings() {
     let samples = samples(&to_sensor(), 1.0, 9.8, 0.0);
     let mut report = Report::default();
     let still: Vec<_> = poses().iter().map(|p| (p.0, camera(0.0))).collect();

@@ -68,7 +68,7 @@ fn turned(degrees: f64) -> Se3 {
 }
 
 #[test]
-fn odometry_as_it_is_stated_is_in_order() {
+fn correctly_described_odometry_has_no_findings() {
     for way in [robot, straight] {
         let report = judged_on(way, &samples(way, same, 0.0), mount());
         assert!(report.findings.is_empty(), "{report}");
@@ -81,7 +81,7 @@ fn odometry_as_it_is_stated_is_in_order() {
 }
 
 #[test]
-fn what_is_wrong_is_named_with_what_would_be_right() {
+fn odometry_faults_are_reported_with_correct_values() {
     let q = mount().rotation.coords;
     let rotation = format!(
         "rotation = [{:.4}, {:.4}, {:.4}, {:.4}]",
@@ -147,7 +147,7 @@ fn what_is_wrong_is_named_with_what_would_be_right() {
 }
 
 #[test]
-fn a_way_straight_ahead_tells_whether_the_camera_looks_there() {
+fn straight_motion_checks_the_camera_direction() {
     let said = judged_on(straight, &samples(straight, same, 0.0), turned(90.0)).to_string();
     assert!(said.contains("goes 90 degrees beside"), "{said}");
     let still = judged_on(|_| Se3::identity(), &samples(straight, same, 0.0), mount());

@@ -187,7 +187,7 @@ mod tests {
     proptest! {
         /// Compared with central differences, for residuals up to a third of a turn.
         #[test]
-        fn jacobians_are_the_derivatives(a in twist(2.0), z in twist(1.5), e in twist(1.1)) {
+        fn edge_jacobians_match_numerical_derivatives(a in twist(2.0), z in twist(1.5), e in twist(1.1)) {
             let a = Se3::exp(&a);
             let edge = PoseGraphEdge {
                 a: 0,
@@ -213,7 +213,7 @@ mod tests {
 
         /// The weight is the slope of the cost, and the cost of a loop is bounded.
         #[test]
-        fn weights_are_slopes(chi2 in 0.0..200.0f64, gate in 1.0..40.0f64) {
+        fn kernel_weights_are_cost_derivatives(chi2 in 0.0..200.0f64, gate in 1.0..40.0f64) {
             let gates = Gates { huber: gate, scaled: gate };
             for kernel in [EdgeKernel::Square, EdgeKernel::Huber, EdgeKernel::Scaled] {
                 prop_assume!((chi2 - gate).abs() > 1e-3);

@@ -191,7 +191,7 @@ mod tests {
     proptest! {
         /// The prediction in A, differentiated by the motion from A to B, compared with central differences.
         #[test]
-        fn derivative_of_the_way_back(twist in prop::array::uniform6(-0.8..0.8f64), x in -0.5..0.5f64, y in -0.4..0.4f64, z in 0.5..6.0f64) {
+        fn inverse_motion_derivative_matches_differences(twist in prop::array::uniform6(-0.8..0.8f64), x in -0.5..0.5f64, y in -0.4..0.4f64, z in 0.5..6.0f64) {
             let b_from_a = Se3::exp(&Vec6::from(twist));
             let q = Vec3::new(x * z, y * z, z);
             let p = b_from_a.transform(&q);

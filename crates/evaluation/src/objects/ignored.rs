@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fits_a_truth_is_kept_and_the_rest_of_the_place_is_not() {
+    fn only_tracks_on_ignored_objects_are_removed() {
         let place = [100.0, 100.0, 200.0, 300.0];
         let frame = TrackFrame {
             truth: vec![at(1, [110.0, 100.0, 200.0, 300.0])],

@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tracks_are_summed_up() {
+    fn tracks_are_summarised() {
         let row = |stamp, id, speed, parked| TrackState {
             stamp,
             id,
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_sight_does_not_take_time_to_park() {
+    fn time_out_of_sight_does_not_count_for_parking() {
         let row = |stamp, id, parked| TrackState {
             stamp,
             id,

@@ -135,7 +135,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn ticks_are_round() {
+    fn tick_values_are_round() {
         assert_eq!(
             ticks([0.0, 10.0], 5.0),
             (vec![0.0, 2.0, 4.0, 6.0, 8.0, 10.0], 0)
@@ -158,7 +158,7 @@ mod tests {
         }
 
         #[test]
-        fn ranges_hold_their_values(v in proptest::collection::vec(-1e6..1e6f64, 0..20)) {
+        fn axis_range_contains_its_values(v in proptest::collection::vec(-1e6..1e6f64, 0..20)) {
             let [lo, hi] = range(v.iter().copied(), 0.05);
             prop_assert!(lo < hi && v.iter().all(|x| (lo..=hi).contains(x)));
         }

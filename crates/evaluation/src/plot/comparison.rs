@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn every_estimate_has_its_name_its_figure_and_its_lines() {
+    fn comparison_shows_name_figure_and_lines_per_estimate() {
         let (bad, good) = (ate(0.3, 60), ate(0.01, 90));
         let off = Compared {
             name: "filter off",

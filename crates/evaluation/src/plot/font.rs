@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_printable_sign_has_outlines_within_its_box() {
+    fn every_printable_character_has_outlines_in_its_box() {
         for c in ('!'..='~').chain(['\u{b0}', '\u{b1}', '\u{b5}', '\u{d7}', '\u{2013}']) {
             let (mut moves, mut least, mut most) = (0, [f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
             outlines(&c.to_string(), 100.0, &mut |step| {
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_text_is_as_wide_as_its_letters() {
+    fn text_width_is_the_sum_of_its_letters() {
         let apart = width("a", 10.0) + width("b", 10.0);
         assert!((width("ab", 10.0) - apart).abs() < 1e-9 && apart > 8.0);
         assert!((width("ab", 20.0) - 2.0 * apart).abs() < 1e-9);

@@ -194,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn coordinates_have_one_scale() {
+    fn coordinate_panels_share_one_scale() {
         let mut figure = Figure::new(1200.0, 855.0);
         let values = |axis: usize| [vec![0.0, 4.0], vec![7.0, 7.2], vec![]][axis].clone();
         let panels = positions_axes(&mut figure, [0.0, 1.0], values);

@@ -254,7 +254,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn kernels_agree(
+        fn scalar_and_vector_kernels_agree(
             (radius, width, height) in (2_usize..=7, 18_usize..50, 18_usize..40),
             (x, y, u, v) in (0.0_f32..1.0, 0.0_f32..1.0, 0.0_f32..1.0, 0.0_f32..1.0),
             offset in -16320_i16..=16320,
@@ -293,7 +293,7 @@ mod tests {
 
     /// On the plane `v = 30 + 3 x + 2 y` all values are known.
     #[test]
-    fn a_plane_has_its_gradients_and_its_differences() {
+    fn plane_has_exact_gradients_and_differences() {
         let plane = |i: usize| (30 + 3 * (i % 40) + 2 * (i / 40)) as u8;
         let image = GrayImage::from_vec(40, 40, (0..1600).map(plane).collect()).unwrap();
         let mut template = Template::new(3);

@@ -88,7 +88,7 @@ mod tests {
 
     /// A plane of grey values keeps its values, so positions at all scales correspond.
     #[test]
-    fn halves_follow_the_levels_and_keep_positions() {
+    fn appended_half_scales_keep_positions() {
         let plane = |i: usize| (10 + (i % 240) / 2 + (i / 240) / 3) as u8;
         let data = (0..240 * 180).map(plane).collect();
         let mut pyramid = Pyramid::new(8, 1.2, Simd::Scalar);

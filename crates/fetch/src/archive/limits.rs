@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn paths_stay_inside() {
+    fn archive_paths_stay_inside() {
         assert_eq!(parts("./a/b/").unwrap(), ["a", "b"]);
         assert_eq!(parts("a//b..png").unwrap(), ["a", "b..png"]);
         for bad in [
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_taken_is_gone() {
+    fn unpacking_budget_is_consumed() {
         let mut budget = Budget::of(10);
         assert!(budget.take(FREE_BYTES + 101).is_err());
         assert!(budget.take(FREE_BYTES + 100).is_ok());

@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn what_breaks_off_leaves_no_network_without_its_card() {
+    fn interrupted_install_never_separates_model_and_card() {
         for card in [None, Some("new card")] {
             for step in 0..3 {
                 let folder = tempfile::tempdir().unwrap();
@@ -208,7 +208,7 @@ mod tests {
 
     /// Models placed there by hand have no record, and are equally protected.
     #[test]
-    fn a_model_without_a_record_is_not_mixed_with_another() {
+    fn interrupted_install_over_an_unrecorded_model_is_damage() {
         for step in 1..3 {
             let folder = tempfile::tempdir().unwrap();
             let cache = Cache::at(folder.path());

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_environment_names_the_folder() {
+    fn environment_selects_the_cache_folder() {
         use Platform::{MacOs, Unix, Windows};
         let home = ("HOME", "/home/ada");
         let xdg = ("XDG_CACHE_HOME", "/var/caches");
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn no_home_says_what_to_set() {
+    fn missing_home_reports_the_variable_to_set() {
         let e = Cache::of_user(&|_| None).unwrap_err().to_string();
         assert!(e.contains("set STILLPOINT_CACHE"), "{e}");
     }

@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ordinary_names_pass() {
+    fn ordinary_model_names_are_accepted() {
         for name in ["yolox-nano", "a", "YOLOv7_tiny.2", "9", "console", "com10"] {
             assert!(check_name(name).is_ok(), "{name}");
         }
@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn tricks_do_not() {
+    fn unsafe_model_names_are_refused() {
         for name in [
             "",
             ".",
@@ -105,7 +105,7 @@ mod tests {
     proptest::proptest! {
         /// A valid name is one ordinary path component, with every suffix.
         #[test]
-        fn names_stay_in_the_folder(name in "\\PC{0,12}|[a-z./\\\\:]{0,12}") {
+        fn valid_names_stay_in_the_folder(name in "\\PC{0,12}|[a-z./\\\\:]{0,12}") {
             if check_name(&name).is_ok() {
                 let path = std::path::Path::new("root").join(format!("{name}.onnx"));
                 proptest::prop_assert_eq!(path.parent(), Some(std::path::Path::new("root")));

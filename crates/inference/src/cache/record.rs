@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dates() {
+    fn dates_are_formatted_as_utc() {
         for (seconds, text) in [
             (0, "1970-01-01T00:00:00Z"),
             (951_782_399, "2000-02-28T23:59:59Z"),
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_reads_as_written() {
+    fn record_round_trips() {
         let record = Record {
             sha256: sha256_hex(b"onnx"),
             bytes: 4,

@@ -22,7 +22,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_those_of_the_annotations() {
+    fn coco91_numbers_match_the_annotations() {
         for (number, name) in [
             (1, "person"),
             (11, "fire hydrant"),

@@ -13,7 +13,7 @@ fn problems(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn what_is_left_out_is_usual_for_the_head() {
+fn omitted_settings_default_to_the_head() {
     for head in Head::ALL {
         let text = format!("head = \"{head}\"");
         let mut expected = ModelCard::new(head);
@@ -29,7 +29,7 @@ fn what_is_left_out_is_usual_for_the_head() {
 }
 
 #[test]
-fn what_is_written_is_read() {
+fn cards_round_trip() {
     let mut cards: Vec<ModelCard> = Head::ALL.map(ModelCard::new).to_vec();
     let mut named = ModelCard::new(Head::YoloGrid);
     named.classes = Classes::Listed(vec![Some(ClassId::PERSON), None, Some(ClassId(60))]);
@@ -45,7 +45,7 @@ fn what_is_written_is_read() {
 
 /// The example of the documentation is YOLOv7-tiny's card.
 #[test]
-fn the_example_is_a_card() {
+fn documentation_example_is_a_valid_card() {
     let example: String = include_str!("mod.rs")
         .lines()
         .skip_while(|line| *line != "//! ```toml")
@@ -111,7 +111,7 @@ fn all_problems_are_reported_with_their_keys() {
 }
 
 #[test]
-fn words_and_keys_that_are_unknown_are_refused_with_their_line() {
+fn unknown_words_and_keys_are_refused_with_their_line() {
     for (text, part) in [
         ("", "missing field `head`"),
         ("head = \"yolo\"", "line 1: unknown variant `yolo`"),
@@ -137,7 +137,7 @@ fn words_and_keys_that_are_unknown_are_refused_with_their_line() {
 }
 
 #[test]
-fn numbers_are_classes_by_the_card() {
+fn card_maps_numbers_to_classes() {
     let coco = ModelCard::new(Head::Yolox);
     assert_eq!(
         (coco.class(0), coco.class(80)),
@@ -153,7 +153,7 @@ fn numbers_are_classes_by_the_card() {
 proptest::proptest! {
     /// Any text gives a valid card, or an error with its name, and with the line where it is not TOML.
     #[test]
-    fn damaged_cards_are_cards_or_errors_that_name_the_place(
+    fn damaged_cards_are_valid_or_give_located_errors(
         head in 0..Head::ALL.len(), at in proptest::prelude::any::<proptest::sample::Index>(), cut in 0..12_usize,
         with in proptest::prop_oneof!["[-0-9.ea-z_=\"\\[\\], \n]{0,8}", "\\PC{0,4}"]
     ) {

@@ -13,7 +13,7 @@ const FLAT: Size = Size {
 };
 
 #[test]
-fn shapes_follow_the_size() {
+fn shapes_scale_with_the_input_size() {
     for (shape, expected) in [
         (vec![1, 2, 48, 52, 52], Some(vec![1, 2, 48, 40, 52])),
         (vec![1, 255, 13, 13], Some(vec![1, 255, 10, 13])),
@@ -94,7 +94,7 @@ fn graph_of(model: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn a_file_gets_its_new_size_and_keeps_the_rest() {
+fn resized_model_keeps_everything_else() {
     let new = resized(&model(7), "images", None, Some(SQUARE), FLAT).unwrap();
     let interface = Interface::read(&new).unwrap();
     let fixed = |sides: [u64; 4]| Some(sides.map(Dimension::Fixed).to_vec());
@@ -145,7 +145,7 @@ fn a_file_gets_its_new_size_and_keeps_the_rest() {
 }
 
 #[test]
-fn at_its_own_size_only_the_list_of_inputs_changes() {
+fn own_size_changes_only_the_input_list() {
     let old = model(7);
     let new = resized(&old, "images", None, Some(SQUARE), SQUARE).unwrap();
     let interface = Interface::read(&new).unwrap();
@@ -159,7 +159,7 @@ fn at_its_own_size_only_the_list_of_inputs_changes() {
 }
 
 #[test]
-fn a_cut_graph_is_reported() {
+fn truncated_graph_is_reported() {
     let whole = model(7);
     let mut graph = graph_of(&whole);
     graph.truncate(graph.len() - 1);

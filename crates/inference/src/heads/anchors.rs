@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn random_maps_agree_with_the_formula_in_both_layouts() {
+    fn random_maps_match_the_formula_in_both_layouts() {
         let card = ModelCard::new(Head::YoloAnchors);
         for (width, height, threshold) in [(64, 96, 0.9), (128, 64, 0.25), (128, 128, 0.97)] {
             let reading = reading(&card, width, height, threshold);
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_that_have_been_through_the_sigmoid_give_the_same() {
+    fn maps_after_sigmoid_give_the_same_boxes() {
         let mut card = ModelCard::new(Head::YoloAnchors);
         let mut maps = random(64, 64);
         let raw = reading(&card, 64, 64, 0.5).decode(&maps).unwrap();
@@ -303,7 +303,7 @@ mod tests {
 
     /// With both searches for the best class.
     #[test]
-    fn what_is_no_number_hides_no_class() {
+    fn nan_scores_do_not_hide_other_classes() {
         let card = ModelCard::new(Head::YoloAnchors);
         for dense in [true, false] {
             let mut maps = random(64, 64);
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn other_maps_are_reported() {
+    fn unexpected_maps_are_reported() {
         let card = ModelCard::new(Head::YoloAnchors);
         let reading = reading(&card, 64, 32, 0.25);
         let mut maps = random(64, 32);

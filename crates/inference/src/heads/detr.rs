@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_pairs_of_query_and_class_are_boxes() {
+    fn best_query_class_pairs_become_boxes() {
         let card = card(3);
         let found = reading(&card, 64, 32, 0.3).decode(&two_queries()).unwrap();
         // Three pairs reach the threshold, and one per query remains: 1/2 of the first query's second class is dropped.
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_query_may_have_two_classes_and_scores_may_be_done() {
+    fn query_may_have_two_classes_and_sigmoid_scores() {
         let mut card = card(3);
         card.output.sigmoid = true;
         let scores = named("logits", &[1, 2, 3], &[0.5, 0.5, 0.0, 0.0, 0.0, 0.1]);
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn names_tell_outputs_apart_and_else_shapes_do() {
+    fn outputs_are_identified_by_name_or_shape() {
         let three = card(3);
         let three = reading(&three, 64, 32, 0.3);
         let [scores, boxes] = two_queries();
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn labels_boxes_and_scores_are_the_best_ones() {
+    fn labels_boxes_and_scores_outputs_are_decoded() {
         let card = ModelCard::new(Head::Detr);
         let reading = reading(&card, 640, 640, 0.25);
         let labels = named("labels", &[1, 4], &[0.0, 56.0, 80.0, 7.0]);
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn other_outputs_are_refused_with_their_names_and_shapes() {
+    fn unexpected_outputs_are_refused_with_names_and_shapes() {
         let card = ModelCard::new(Head::Detr);
         let reading = reading(&card, 64, 64, 0.25);
         for shapes in [
@@ -324,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_in_other_units_are_noticed() {
+    fn boxes_in_wrong_units_are_detected() {
         let card = card(3);
         let reading = reading(&card, 64, 32, 0.3);
         let mut outputs = two_queries();

@@ -209,7 +209,7 @@ mod tests {
 
     /// One cell per map is set by hand: all of a side's weight is on one bin, or on two.
     #[test]
-    fn a_box_is_decoded_by_its_cell() {
+    fn distribution_box_is_decoded_at_its_cell() {
         let card = ModelCard::new(Head::Distribution);
         let reading = reading(&card, 416, 320, 0.25);
         let mut outputs = outputs();
@@ -235,7 +235,7 @@ mod tests {
 
     /// The layout with one output gives the same.
     #[test]
-    fn the_layouts_agree() {
+    fn all_distribution_layouts_agree() {
         let card = ModelCard::new(Head::Distribution);
         let reading = reading(&card, 416, 320, 0.9);
         let mut parted = outputs();
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn expectations_are_those_of_the_softmax() {
+    fn expectation_matches_the_softmax() {
         assert!((expectation(&[0.0; 8]) - 3.5).abs() < 1e-12);
         let p = libm::exp(1.0) / (1.0 + libm::exp(1.0));
         assert!((expectation(&[0.0, 1.0]) - p).abs() < 1e-12);

@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_boxes() {
+    fn table_rows_become_boxes() {
         let card = ModelCard::new(Head::EndToEnd);
         let reading = reading(&card, 640, 640, 0.25);
         let outputs = [table(&[
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_are_where_the_card_says() {
+    fn columns_follow_the_card() {
         use Column::{Class, Ignored, Score, X0, X1, Y0, Y1};
         let mut card = ModelCard::new(Head::EndToEnd);
         card.output.columns = vec![Score, Ignored, Class, Y0, X0, Y1, X1];
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn four_outputs_are_boxes_too() {
+    fn four_outputs_become_boxes() {
         let card = ModelCard::new(Head::EndToEnd);
         let reading = reading(&card, 640, 640, 0.25);
         let mut outputs = [&[1, 1][..], &[1, 3, 4], &[1, 3], &[1, 3]].map(tensor);

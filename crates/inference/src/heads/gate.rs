@@ -74,7 +74,7 @@ mod tests {
     proptest! {
         /// The shortcut never rejects a passing score.
         #[test]
-        fn the_shortcut_agrees_with_the_score(value in -30_f32..30.0, threshold in 1e-3_f32..=1.0) {
+        fn threshold_shortcut_never_rejects_a_passing_score(value in -30_f32..30.0, threshold in 1e-3_f32..=1.0) {
             for done in [false, true] {
                 let gate = Gate::new(threshold, done);
                 prop_assert!(gate.may_pass(value) || !gate.passes(gate.score(value)));
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn no_number_passes_when_it_is_none() {
+    fn nan_never_passes_the_threshold() {
         let gate = Gate::new(0.25, false);
         assert!(!gate.may_pass(f32::NAN) && !gate.passes(f32::NAN));
         assert!((gate.score(0.0) - 0.5).abs() < 1e-9);

@@ -198,7 +198,7 @@ mod tests {
 
     /// Decoding any values gives finite boxes.
     #[test]
-    fn malicious_values_give_sane_boxes_or_none() {
+    fn malicious_values_give_finite_boxes_or_none() {
         let shapes: [(Head, Vec<Vec<usize>>); 7] = [
             (Head::Yolox, vec![vec![1, 21, 85]]),
             (Head::YoloGrid, vec![vec![1, 63, 85]]),
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_name_some_shapes_and_count_the_rest() {
+    fn messages_list_some_shapes_and_count_the_rest() {
         assert_eq!(shapes(&[]), "no output");
         let outputs = vec![tensor(&[1, 2]); 10];
         assert!(shapes(&outputs).ends_with("[1, 2] and 2 more"));

@@ -168,7 +168,7 @@ mod tests {
     const COLUMNS: usize = 85;
 
     #[test]
-    fn rows_of_the_known_model() {
+    fn yolox_cell_count_matches_the_known_model() {
         let card = ModelCard::new(Head::Yolox);
         assert_eq!(reading(&card, 416, 416, 0.25).cells(), 3549);
         assert_eq!(reading(&card, 416, 320, 0.25).cells(), 2730);
@@ -176,7 +176,7 @@ mod tests {
 
     /// One row per map is set by hand; its box is at its cell.
     #[test]
-    fn a_row_is_decoded_by_its_cell() {
+    fn row_is_decoded_at_its_cell() {
         let card = ModelCard::new(Head::Yolox);
         // Maps of 8 x 4, 4 x 2 and 2 x 1 cells: row 9 is cell (1, 1) of the first, 32 + 6 is (2, 1) of the second.
         let mut output = tensor(&[1, 42, COLUMNS]);
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_are_no_numbers_are_left_out() {
+    fn non_finite_values_are_dropped() {
         for head in [Head::Yolox, Head::YoloGrid] {
             let card = ModelCard::new(head);
             let reading = reading(&card, 32, 32, 0.25);
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn decoded_rows_are_taken_as_they_are() {
+    fn decoded_rows_are_used_unchanged() {
         let card = ModelCard::new(Head::YoloGrid);
         let reading = reading(&card, 64, 32, 0.25);
         // Three anchors; every box is in the middle of its cell.
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn outputs_of_other_shapes_are_reported() {
+    fn outputs_of_unexpected_shape_are_reported() {
         let card = ModelCard::new(Head::Yolox);
         let reading = reading(&card, 64, 32, 0.25);
         for shapes in [

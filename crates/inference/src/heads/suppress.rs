@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_best_of_a_class_stays_at_a_place() {
+    fn best_box_per_class_and_place_is_kept() {
         let boxes = vec![
             candidate(0, 0.5, 1.0),
             candidate(0, 0.9, 0.0),
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_thousand_are_compared() {
+    fn only_the_best_thousand_boxes_are_compared() {
         let boxes: Vec<Candidate> = (0..30_000)
             .map(|i| candidate(0, 0.3 + i as f32 * 1e-5, 20.0 * i as f64))
             .collect();

@@ -25,7 +25,7 @@ fn refusal(graph: &Message) -> String {
 }
 
 #[test]
-fn sizes_of_weights_are_those_of_their_data() {
+fn weight_sizes_must_match_their_data() {
     let weight = |sizes: &[u64], bytes: usize| {
         let tensor = sizes.iter().fold(Message::new(), |t, &s| t.integer(1, s));
         Message::new().message(5, &tensor.integer(2, 1).field(9, vec![0; bytes]))
@@ -51,7 +51,7 @@ fn sizes_of_weights_are_those_of_their_data() {
 }
 
 #[test]
-fn long_chains_and_deep_nests_are_refused() {
+fn long_chains_and_deep_nesting_are_refused() {
     let chain = |n: usize| {
         let [x, y] = [0, 1].map(|k| move |i: usize| format!("x{}", i + k));
         let step = |g: Message, i| g.message(1, &node("Relu", &[&x(i)], &y(i)));
@@ -95,7 +95,7 @@ fn long_chains_and_deep_nests_are_refused() {
 }
 
 #[test]
-fn loops_say_how_often_they_turn() {
+fn loops_need_a_bounded_iteration_count() {
     let turns = |turns: Option<i64>, inner: &Message| {
         let body = Message::new().field(1, "body").message(6, inner);
         let graph = match turns {
@@ -118,7 +118,7 @@ fn loops_say_how_often_they_turn() {
 }
 
 #[test]
-fn giant_results_are_refused_where_the_file_says_them() {
+fn declared_huge_outputs_are_refused() {
     let of = |operator: &str, constants: &[(&str, &[i64])], inputs: &[&str]| {
         let graph = constants.iter().fold(Message::new(), |g, (name, v)| {
             g.message(5, &integers(name, v))
@@ -160,7 +160,7 @@ fn giant_results_are_refused_where_the_file_says_them() {
 }
 
 #[test]
-fn what_multiplies_itself_is_refused() {
+fn functions_sparse_and_random_operators_are_refused() {
     let function = Message::new()
         .integer(1, 8)
         .message(7, &Message::new())
@@ -179,7 +179,7 @@ fn what_multiplies_itself_is_refused() {
 proptest! {
     /// Checking terminates for any bytes.
     #[test]
-    fn any_bytes_are_checked(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+    fn checking_terminates_for_any_bytes(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
         let _ = check(&bytes);
         let _ = check(&Message::new().field(7, &bytes).into_bytes());
         let _ = check(&model(&Message::new().field(1, &bytes).field(5, &bytes)));

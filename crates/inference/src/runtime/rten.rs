@@ -113,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_session_that_panicked_gives_errors() {
+    fn panicked_session_returns_errors() {
         let mut session = RtenSession::load(scores(), "image", 1).unwrap();
         let planes = vec![0.5; 27];
         assert_eq!(session.run(&planes, 3, 3).unwrap().len(), 2);

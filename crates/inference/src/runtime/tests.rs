@@ -117,7 +117,7 @@ fn expected(planes: &[f32], width: usize, height: usize) -> Vec<f32> {
 }
 
 #[test]
-fn all_give_what_the_graph_says_at_changing_sizes() {
+fn all_runtimes_compute_the_graph_at_any_size() {
     for runtime in runtimes() {
         for threads in [1, 2] {
             let mut session = load(scores(), "image", threads, &runtime).unwrap();
@@ -147,7 +147,7 @@ fn all_give_what_the_graph_says_at_changing_sizes() {
 }
 
 #[test]
-fn the_same_image_gives_the_same_bits() {
+fn same_image_gives_identical_outputs() {
     let planes = noise(3 * 64 * 48, 4);
     let bits = |outputs: Vec<Tensor>| -> Vec<u32> {
         outputs
@@ -168,7 +168,7 @@ fn the_same_image_gives_the_same_bits() {
 }
 
 #[test]
-fn what_does_not_work_says_why_on_one_line() {
+fn runtime_errors_are_single_line_reasons() {
     for runtime in runtimes() {
         let refused = |bytes: Vec<u8>, input: &str| match load(bytes, input, 1, &runtime) {
             Ok(_) => panic!("{runtime:?} took it"),
@@ -195,7 +195,7 @@ fn what_does_not_work_says_why_on_one_line() {
 }
 
 #[test]
-fn booleans_are_refused_or_numbers() {
+fn boolean_outputs_are_refused_or_converted() {
     for runtime in runtimes() {
         // Compares each with itself: booleans, which `rten` keeps as integers.
         let model = network(&[node("Greater", &["c", "c"], "x")], &[("x", 9)]);

@@ -79,7 +79,7 @@ fn missed(events: &Events) -> (u64, u64) {
 }
 
 #[test]
-fn until_full_everything_comes_in_order_and_the_newest_is_left_out() {
+fn until_full_delivers_in_order_and_drops_the_newest() {
     let audience = Audience::default();
     let events = audience.listen("test", Delivery::until_full(3));
     for n in 0..5 {
@@ -95,7 +95,7 @@ fn until_full_everything_comes_in_order_and_the_newest_is_left_out() {
 }
 
 #[test]
-fn the_newest_of_each_kind_comes_and_older_ones_give_way() {
+fn newest_delivers_the_newest_of_each_kind() {
     let audience = Audience::default();
     let events = audience.listen("test", Delivery::newest(2).with_images(1, 1));
     for n in 0..4 {
@@ -111,7 +111,7 @@ fn the_newest_of_each_kind_comes_and_older_ones_give_way() {
 }
 
 #[test]
-fn images_are_bounded_by_their_number_and_come_for_every_so_many_frames() {
+fn images_are_bounded_and_delivered_at_their_stride() {
     let audience = Audience::default();
     let events = audience.listen("test", Delivery::until_full(100).with_images(2, 3));
     let others = audience.listen("others", Delivery::until_full(100));
@@ -130,7 +130,7 @@ fn images_are_bounded_by_their_number_and_come_for_every_so_many_frames() {
 }
 
 #[test]
-fn who_does_not_listen_any_more_holds_nothing_up() {
+fn dropped_listener_blocks_nothing() {
     let audience = Audience::default();
     let events = audience.listen("test", Delivery::until_full(1));
     audience.publish(&detected(0));
@@ -145,7 +145,7 @@ fn who_does_not_listen_any_more_holds_nothing_up() {
 }
 
 #[test]
-fn a_subscriber_that_panics_is_reported_and_others_go_on() {
+fn panicking_subscriber_is_reported_and_others_continue() {
     let audience = Audience::default();
     let start = |name: &str, worst: u32| {
         let events = audience.listen(name, Delivery::until_full(10));
@@ -168,7 +168,7 @@ fn a_subscriber_that_panics_is_reported_and_others_go_on() {
 }
 
 #[test]
-fn a_subscriber_that_hangs_is_given_up_and_what_waits_for_it_is_counted() {
+fn hanging_subscriber_is_abandoned_with_counted_events() {
     let audience = Audience::default();
     let (hangs, hanging) = channel();
     let (release, released) = channel::<()>();
@@ -195,7 +195,7 @@ fn a_subscriber_that_hangs_is_given_up_and_what_waits_for_it_is_counted() {
 }
 
 #[test]
-fn a_subscriber_that_goes_on_is_waited_for_however_long_it_takes_in_all() {
+fn progressing_subscriber_is_waited_for() {
     let audience = Audience::default();
     let (next, turn) = channel();
     let mut received = 0;

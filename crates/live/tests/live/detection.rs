@@ -41,7 +41,7 @@ impl Detector for Odd {
 }
 
 #[test]
-fn a_detector_that_panics_is_reported_and_the_others_finish() {
+fn panicking_detector_is_reported_and_others_finish() {
     let odd = Odd(0, |_| panic!("no more boxes"));
     let (result, received) = run(Some(Box::new(odd)), unhurried(), 2);
     let end = Some(WorkerEnd::Panicked("no more boxes".to_owned()));
@@ -53,7 +53,7 @@ fn a_detector_that_panics_is_reported_and_the_others_finish() {
 }
 
 #[test]
-fn a_run_whose_log_nobody_wants_has_the_same_frames_and_keeps_nothing_of_each() {
+fn run_without_a_log_keeps_no_per_frame_data() {
     let options = LiveOptions {
         keep_log: false,
         ..unhurried()
@@ -68,7 +68,7 @@ fn a_run_whose_log_nobody_wants_has_the_same_frames_and_keeps_nothing_of_each() 
 }
 
 #[test]
-fn a_run_of_days_remembers_its_newest_frames_alone() {
+fn long_run_keeps_only_its_newest_frames() {
     let forgetful = |keep_log| LiveOptions {
         keep_log,
         keep_frames: Some(3),
@@ -113,7 +113,7 @@ impl Detector for Hanging {
 }
 
 #[test]
-fn a_detector_that_hangs_is_given_up() {
+fn hanging_detector_is_abandoned() {
     // Tracking waits for three calls, so that it hangs independent of timing.
     let (says, asked) = channel();
     let (asked, messages) = (Mutex::new(asked), AtomicU32::new(0));
@@ -137,7 +137,7 @@ fn a_detector_that_hangs_is_given_up() {
 }
 
 #[test]
-fn what_a_detector_failed_at_is_in_the_log() {
+fn detector_failures_are_logged() {
     let odd = Odd(0, |frame| {
         Err(DetectError::Runtime {
             frame: frame.id,
@@ -171,7 +171,7 @@ impl Detector for Slow {
 
 /// When frames are dropped, the detector soon works at most a quarter of the time.
 #[test]
-fn a_detector_rests_where_frames_are_dropped() {
+fn detector_rests_when_frames_are_dropped() {
     // The shortest time between two of its frames, from the second frame after dropped ones on.
     let shortest = |tracking_sleeps: Duration| {
         let asked = Arc::default();
@@ -203,7 +203,7 @@ fn a_detector_rests_where_frames_are_dropped() {
 }
 
 #[test]
-fn what_the_caller_saw_reaches_tracking_with_its_frame() {
+fn caller_detections_reach_tracking_with_their_frame() {
     let options = LiveOptions {
         drop_late: false,
         ..unhurried()

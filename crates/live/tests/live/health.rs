@@ -20,7 +20,7 @@ fn wait_for(watch: &Watch, wished: impl Fn(&LiveHealth) -> bool) -> LiveHealth {
 }
 
 #[test]
-fn a_thread_that_hangs_is_seen_while_the_others_run() {
+fn hanging_thread_is_visible_while_others_run() {
     within(|| {
         let hangs = Odd(0, |_| {
             loop {
@@ -68,7 +68,7 @@ fn a_thread_that_hangs_is_seen_while_the_others_run() {
 }
 
 #[test]
-fn a_thread_that_panicked_is_seen_with_its_reason() {
+fn panicked_thread_is_visible_with_its_reason() {
     within(|| {
         let calls = AtomicU32::new(0);
         let hook: Hook = Arc::new(move |stage| {
@@ -97,7 +97,7 @@ fn a_thread_that_panicked_is_seen_with_its_reason() {
 }
 
 #[test]
-fn a_run_that_is_well_finishes() {
+fn healthy_run_finishes() {
     within(|| {
         let mut live = LiveSystem::start(stages(), Some(scripted()), unhurried()).unwrap();
         let watch = live.watch();

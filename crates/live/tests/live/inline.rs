@@ -80,7 +80,7 @@ fn assert_replayed(system: System, received: &Received, stages: Stages, frames: 
 }
 
 #[test]
-fn a_run_with_delays_and_a_detector_that_fails_is_replayed() {
+fn run_with_delays_and_detector_failures_replays() {
     let stages = || {
         world::stages_with(|c| {
             c.schedule = Schedule {
@@ -107,7 +107,7 @@ fn a_run_with_delays_and_a_detector_that_fails_is_replayed() {
 }
 
 #[test]
-fn a_run_with_a_correction_is_replayed_and_says_what_moved() {
+fn run_with_a_correction_replays_and_reports_the_shift() {
     let (camera, frames) = world::there_and_back();
     let stages = |loop_closer: u32| {
         world::stages_for_submaps_with(camera, |c| c.schedule.loop_closer = loop_closer)
@@ -202,7 +202,7 @@ fn events_are_complete() {
 
 /// The map can be saved and the trajectory read at any frame.
 #[test]
-fn what_is_known_can_be_had_at_any_time() {
+fn map_and_trajectory_are_available_at_any_frame() {
     let mut system = System::from(world::stages());
     for frame in &frames()[..20] {
         system.step(frame.clone());

@@ -47,7 +47,7 @@ fn start(drop_late: bool) -> LiveSystem {
 }
 
 #[test]
-fn tracking_does_not_wait_for_who_is_slow_and_what_they_miss_is_counted() {
+fn tracking_ignores_slow_subscribers_and_counts_misses() {
     const PAUSE: u64 = 400;
     let (result, slow, all, took) = within(|| {
         let mut live = start(true);
@@ -91,7 +91,7 @@ fn tracking_does_not_wait_for_who_is_slow_and_what_they_miss_is_counted() {
 }
 
 #[test]
-fn where_no_frame_may_be_dropped_every_image_reaches_who_wants_it() {
+fn without_drops_every_image_reaches_its_subscriber() {
     let (result, slow) = within(|| {
         let mut live = start(false);
         let every = Delivery::until_full(200).with_images(4, 1);
@@ -111,7 +111,7 @@ fn where_no_frame_may_be_dropped_every_image_reaches_who_wants_it() {
 }
 
 #[test]
-fn map_and_trajectory_can_be_had_while_the_run_goes_on() {
+fn map_and_trajectory_are_available_during_the_run() {
     let (result, received, (map, poses, view), gone) = within(|| {
         let mut live = start(false);
         let received = Delivery::until_full(10_000);
@@ -158,7 +158,7 @@ fn map_and_trajectory_can_be_had_while_the_run_goes_on() {
 }
 
 #[test]
-fn who_asks_for_events_gets_them_too() {
+fn events_can_be_polled() {
     let (kept, waited) = within(|| {
         let mut live = start(false);
         let events = live.listen("pull", Delivery::newest(1));
@@ -191,7 +191,7 @@ impl Subscriber for Hanging {
 }
 
 #[test]
-fn a_subscriber_that_hangs_does_not_hang_the_end_of_the_run() {
+fn hanging_subscriber_does_not_block_the_end_of_the_run() {
     let (hangs, hanging) = channel();
     let (release, released) = channel();
     let (result, all, end) = within(move || {

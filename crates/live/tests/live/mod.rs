@@ -82,7 +82,7 @@ fn assert_all_finished(result: &LiveResult) {
 }
 
 #[test]
-fn a_run_with_random_delays_is_reproduced_bit_for_bit() {
+fn run_with_random_delays_replays_bit_for_bit() {
     let mut digests = BTreeSet::new();
     for (seed, drop_late) in [(1, false), (2, false), (3, true)] {
         let options = LiveOptions {
@@ -113,7 +113,7 @@ fn a_run_with_random_delays_is_reproduced_bit_for_bit() {
 }
 
 #[test]
-fn what_the_end_of_the_stream_brings_is_reproduced_too() {
+fn work_at_the_end_of_the_stream_is_replayed() {
     let (camera, frames) = world::crowd();
     let options = LiveOptions {
         drop_late: false,
@@ -136,7 +136,7 @@ fn what_the_end_of_the_stream_brings_is_reproduced_too() {
 }
 
 #[test]
-fn corrections_of_the_map_are_reproduced_too() {
+fn map_corrections_are_replayed() {
     let (camera, frames) = world::there_and_back();
     let options = LiveOptions {
         drop_late: false,
@@ -185,7 +185,7 @@ fn late_frames_are_dropped_and_counted() {
 
 /// With hardly any time per frame, and mapping slower than keyframes arrive, less work is done, and the log records it.
 #[test]
-fn less_is_done_where_time_is_short_and_that_is_reproduced() {
+fn reduced_effort_under_time_pressure_is_replayed() {
     const WANTED: u32 = 800;
     let efforts = |budget: Option<f64>, behind: u64| {
         let options = LiveOptions {
@@ -220,7 +220,7 @@ fn less_is_done_where_time_is_short_and_that_is_reproduced() {
 }
 
 #[test]
-fn no_frame_is_dropped_when_none_may_be() {
+fn no_frame_is_dropped_if_drops_are_disabled() {
     let options = LiveOptions {
         drop_late: false,
         hook: Some(random_delays(5, 8)),
@@ -246,7 +246,7 @@ fn unhurried() -> LiveOptions {
 }
 
 #[test]
-fn whichever_stage_panics_the_others_finish() {
+fn other_stages_finish_when_one_panics() {
     for stage in [Stage::Tracking, Stage::Mapping, Stage::Looping] {
         let calls = AtomicU32::new(0);
         let hook: Hook = Arc::new(move |s| {
@@ -274,7 +274,7 @@ fn whichever_stage_panics_the_others_finish() {
 }
 
 #[test]
-fn stopping_in_the_middle_keeps_what_was_learned() {
+fn stopping_early_keeps_map_and_trajectory() {
     let (result, received, played) = within(|| {
         let mut live = LiveSystem::start(stages(), Some(scripted()), unhurried()).unwrap();
         let stop = Arc::new(AtomicBool::new(false));
@@ -313,7 +313,7 @@ impl FrameSource for Camera {
 }
 
 #[test]
-fn frames_of_a_camera_are_not_held_back() {
+fn camera_frames_are_not_delayed() {
     // Four seconds between two stamps; a recording would be played with that delay.
     let mut slow = frames()[..3].to_vec();
     for (i, frame) in slow.iter_mut().enumerate() {
@@ -335,7 +335,7 @@ fn frames_of_a_camera_are_not_held_back() {
 }
 
 #[test]
-fn a_run_that_nobody_finishes_ends_all_the_same() {
+fn dropped_run_ends_its_threads() {
     within(|| {
         let alive = Arc::new(());
         let witness = Arc::clone(&alive);
@@ -357,7 +357,7 @@ fn a_run_that_nobody_finishes_ends_all_the_same() {
 }
 
 #[test]
-fn a_log_is_refused_with_other_frames_or_another_configuration() {
+fn log_is_refused_with_other_frames_or_configuration() {
     let (result, _) = run(None, unhurried(), 0);
     let other = world::stages_with(|c| c.seed = 1);
     let refused = Replay::new(other, result.log.clone()).err();

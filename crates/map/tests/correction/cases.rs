@@ -5,7 +5,7 @@ use stillpoint_geometry::Mat6;
 use stillpoint_map::LoopEdge;
 
 #[test]
-fn a_pose_refined_since_is_not_overwritten() {
+fn correction_composes_with_later_refinement() {
     let mut map = chain(3, 2);
     let c = correction(&map.publish(), &[5, 6, 7]);
     let refined = pose(1) * Se3::exp(&Vec6::new(0.01, 0.0, 0.0, 0.0, 0.0, 0.002));
@@ -20,7 +20,7 @@ fn a_pose_refined_since_is_not_overwritten() {
 }
 
 #[test]
-fn landmarks_move_relative_to_the_anchor_that_was_seen() {
+fn landmarks_move_relative_to_the_anchor_at_base_version() {
     let mut map = chain(3, 2);
     let base = map.publish();
     let mut c = correction(&base, &[5]);
@@ -46,7 +46,7 @@ fn landmarks_move_relative_to_the_anchor_that_was_seen() {
 }
 
 #[test]
-fn merges_follow_what_became_of_the_landmarks() {
+fn merges_follow_later_merges_and_culling() {
     let mut map = chain(6, 2);
     map.publish();
     let l = LandmarkId::new;
@@ -69,7 +69,7 @@ fn merges_follow_what_became_of_the_landmarks() {
 }
 
 #[test]
-fn what_was_measured_stays_when_its_keyframes_move_or_go() {
+fn loop_edges_survive_moved_or_culled_keyframes() {
     let mut map = chain(6, 2);
     let edge = |old: u32, new: u32| LoopEdge {
         old: KeyframeId(old),

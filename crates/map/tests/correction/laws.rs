@@ -55,7 +55,7 @@ fn evolve(map: &mut Map, changes: &[Change]) {
 
 proptest! {
     #[test]
-    fn what_changes_nothing_changes_nothing(changes in prop::collection::vec(change(), 0..30)) {
+    fn empty_correction_changes_nothing(changes in prop::collection::vec(change(), 0..30)) {
         let mut map = chain(8, 3);
         let base = map.publish();
         let mut nothing = correction(&base, &[0]);
@@ -71,7 +71,7 @@ proptest! {
     }
 
     #[test]
-    fn invariants_hold_whatever_happened_since(
+    fn invariants_hold_after_any_concurrent_changes(
         changes in prop::collection::vec(change(), 0..30),
         shifts in prop::collection::vec(0..30u32, 1..8),
         merges in prop::collection::vec((0..24u32, 0..24u32), 0..10),
@@ -93,7 +93,7 @@ proptest! {
 
     /// Correcting before or after other changes gives the same map, up to rounding.
     #[test]
-    fn it_does_not_matter_when_it_arrives(
+    fn rigid_correction_commutes_with_other_changes(
         parents in prop::collection::vec(0..8u32, 1..8),
         culled in prop::collection::vec(1..8u32, 0..3),
         shift in 0..30u32,
@@ -134,7 +134,7 @@ proptest! {
 
     /// Descendants of a corrected keyframe keep their pose relative to it.
     #[test]
-    fn what_was_not_seen_moves_along(
+    fn descendants_follow_their_corrected_keyframe(
         parents in prop::collection::vec(0..8u32, 1..8),
         shifts in prop::collection::vec(1..30u32, 8),
     ) {

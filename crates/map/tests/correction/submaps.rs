@@ -12,7 +12,7 @@ fn two_submaps() -> Map {
 }
 
 #[test]
-fn submaps_become_one_with_all_that_was_added_since() {
+fn joining_submaps_includes_later_additions() {
     let mut map = two_submaps();
     assert_eq!(map.view().submaps(), [(SubmapId(0), 4), (SubmapId(10), 2)]);
     let first = |k: u32, map: &Map| map.view().keyframe(KeyframeId(k)).unwrap().matches[0].unwrap();
@@ -59,7 +59,7 @@ fn submaps_become_one_with_all_that_was_added_since() {
 }
 
 #[test]
-fn the_tree_of_a_submap_turns_round_where_it_is_joined() {
+fn joined_submap_tree_is_rerooted_at_the_join() {
     let mut map = chain(2, 2);
     for (k, parent) in [(10, None), (11, Some(10)), (12, Some(11)), (13, Some(11))] {
         extend(&mut map, k, parent, 2);
@@ -92,7 +92,7 @@ fn the_tree_of_a_submap_turns_round_where_it_is_joined() {
 }
 
 #[test]
-fn another_map_comes_as_further_submaps() {
+fn appended_map_becomes_further_submaps() {
     let (mut map, other) = (chain(4, 3), two_submaps());
     let (own, landmarks) = (map.view().keyframe_count(), map.view().landmark_count());
     let added = map.append(&other).unwrap();

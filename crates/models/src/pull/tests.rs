@@ -80,7 +80,7 @@ fn watch_all(_: Progress) -> ControlFlow<()> {
 }
 
 #[test]
-fn a_full_disk_keeps_what_came() {
+fn full_disk_keeps_the_partial_download() {
     let bytes = made_up_bytes();
     let (server, scratch, model) = (Server::of(bytes), Scratch::with_older(), model(bytes));
     let mut here = 0;
@@ -110,7 +110,7 @@ fn a_full_disk_keeps_what_came() {
 }
 
 #[test]
-fn checkpoints_become_networks() {
+fn pulled_checkpoints_are_converted() {
     let checkpoint: &'static [u8] = b"PK weights";
     let (server, scratch) = (Server::of(checkpoint), Scratch::with_older());
     let model = KnownModel {
@@ -149,7 +149,7 @@ fn checkpoints_become_networks() {
 }
 
 #[test]
-fn what_is_no_checkpoint_is_not_recorded() {
+fn invalid_checkpoint_is_not_recorded() {
     for (bytes, hint) in [
         (b"something".as_slice(), "found: no checkpoint"),
         (b" <HTML>Log in</HTML>", "looks like a web page"),
@@ -170,7 +170,7 @@ fn what_is_no_checkpoint_is_not_recorded() {
 
 /// Stopped when all bytes were present: they are not transferred again, although their number was unknown.
 #[test]
-fn a_whole_part_of_unknown_size_is_used() {
+fn complete_part_of_unknown_size_is_reused() {
     let checkpoint: &'static [u8] = b"PK weights";
     let (server, scratch) = (Server::of(checkpoint), Scratch::with_older());
     let model = KnownModel {
@@ -202,7 +202,7 @@ fn a_whole_part_of_unknown_size_is_used() {
 }
 
 #[test]
-fn what_is_in_the_way_is_reported() {
+fn blocking_folders_are_reported() {
     let bytes = made_up_bytes();
     let (server, scratch, model) = (Server::of(bytes), Scratch::with_older(), model(bytes));
     for name in ["made-up.part", "made-up.lock"] {

@@ -58,7 +58,7 @@ fn difference(folder: &Path, name: &str, imported: &Imported, height: usize, wid
 }
 
 #[test]
-fn a_head_with_implicit_parameters_computes_what_pytorch_does() {
+fn implicit_head_matches_pytorch() {
     let imported = import_checkpoint(&fixture("idetect.pt"), "idetect").unwrap();
     let report = &imported.report;
     assert_eq!(report.head, HeadKind::ImplicitDetect);
@@ -75,7 +75,7 @@ fn a_head_with_implicit_parameters_computes_what_pytorch_does() {
 }
 
 #[test]
-fn a_folded_checkpoint_with_a_plain_head_computes_what_pytorch_does() {
+fn folded_plain_head_matches_pytorch() {
     let imported = import_checkpoint(&fixture("detect.pt"), "detect").unwrap();
     let report = &imported.report;
     assert_eq!(report.head, HeadKind::Detect);
@@ -91,7 +91,7 @@ fn a_folded_checkpoint_with_a_plain_head_computes_what_pytorch_does() {
 /// With `STILLPOINT_CHECKPOINTS=DIR` after `make_checkpoint.py --full DIR`: the network's full width.
 #[test]
 #[ignore = "needs the 12 MB that make_checkpoint.py --full writes, in STILLPOINT_CHECKPOINTS"]
-fn a_checkpoint_of_full_width_computes_what_pytorch_does() {
+fn full_width_checkpoint_matches_pytorch() {
     let folder = std::env::var_os("STILLPOINT_CHECKPOINTS");
     let folder = folder.expect("STILLPOINT_CHECKPOINTS names the folder with full.pt");
     let bytes = std::fs::read(Path::new(&folder).join("full.pt")).unwrap();
@@ -104,7 +104,7 @@ fn a_checkpoint_of_full_width_computes_what_pytorch_does() {
 }
 
 #[test]
-fn the_card_has_the_checkpoints_own_anchors_and_classes() {
+fn card_takes_anchors_and_classes_of_the_checkpoint() {
     let card = import_checkpoint(&fixture("idetect.pt"), "x").unwrap().card;
     assert_eq!(card.head, Head::YoloAnchors);
     assert_eq!(card.input.size, Some([640, 640]));
@@ -126,7 +126,7 @@ fn the_card_has_the_checkpoints_own_anchors_and_classes() {
 }
 
 #[test]
-fn the_detector_takes_the_network_with_its_card() {
+fn detector_accepts_the_imported_network_and_card() {
     for name in ["idetect.pt", "detect.pt"] {
         let imported = import_checkpoint(&fixture(name), name).unwrap();
         let card = Some(&imported.card);
@@ -138,7 +138,7 @@ fn the_detector_takes_the_network_with_its_card() {
 }
 
 #[test]
-fn the_image_may_have_any_size_in_whole_cells() {
+fn imported_network_accepts_any_size_in_whole_cells() {
     let imported = import_checkpoint(&fixture("idetect.pt"), "x").unwrap();
     for (height, width) in [(32, 32), (96, 32), (64, 160)] {
         let outputs = run(&imported.onnx, height, width);
@@ -148,14 +148,14 @@ fn the_image_may_have_any_size_in_whole_cells() {
 }
 
 #[test]
-fn the_same_checkpoint_gives_the_same_file() {
+fn import_is_deterministic() {
     let bytes = fixture("idetect.pt");
     let files = [(); 2].map(|()| import_checkpoint(&bytes, "x").unwrap().onnx);
     assert_eq!(files[0], files[1]);
 }
 
 #[test]
-fn an_archive_without_alignment_is_read_too() {
+fn unaligned_archive_is_read() {
     let bytes = fixture("idetect.pt");
     let plain = zip(&entries(&bytes), Lies::default());
     assert!(plain.len() < bytes.len());
@@ -164,7 +164,7 @@ fn an_archive_without_alignment_is_read_too() {
 }
 
 #[test]
-fn a_small_network_of_other_layers_is_imported() {
+fn small_network_of_other_layers_is_imported() {
     let imported = import_checkpoint(&Small::default().bytes(), "small").unwrap();
     assert_eq!(imported.report.parameters, 6 * 3 + 6);
     assert_eq!(imported.card.output.strides, [8]);

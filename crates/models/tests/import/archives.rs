@@ -5,7 +5,7 @@ use super::support::{Entry, Lies, entries, error_of, fixture, message_of, zip};
 use stillpoint_models::import::{ImportError, import_checkpoint};
 
 #[test]
-fn other_files_are_recognised() {
+fn foreign_files_are_recognised() {
     for (bytes, found) in [
         (
             b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19.\x80\x02".as_slice(),
@@ -41,7 +41,7 @@ fn other_files_are_recognised() {
 }
 
 #[test]
-fn files_that_are_cut_short_are_refused() {
+fn truncated_files_are_refused() {
     let bytes = fixture("idetect.pt");
     for i in 0..200 {
         let error = error_of(&bytes[..bytes.len() * i / 200]);
@@ -57,7 +57,7 @@ fn files_that_are_cut_short_are_refused() {
 }
 
 #[test]
-fn archives_that_lie_are_refused() {
+fn inconsistent_archives_are_refused() {
     let pickle = || Entry::new("archive/data.pkl", *b"\x80\x02N.");
     let both = [pickle(), Entry::new("archive/version", *b"3")];
     let lies = Lies::default();
@@ -154,7 +154,7 @@ fn archives_that_lie_are_refused() {
 }
 
 #[test]
-fn entries_inside_one_another_are_refused() {
+fn overlapping_entries_are_refused() {
     // The content of the first entry is a complete second entry, which the directory lists as well.
     let inner = zip(
         &[Entry::new("archive/data/0", vec![7; 32])],
@@ -181,7 +181,7 @@ fn entries_inside_one_another_are_refused() {
 }
 
 #[test]
-fn names_are_looked_up_and_never_become_paths() {
+fn entry_names_never_become_paths() {
     let names = [
         "../../etc/passwd",
         "/etc/passwd",

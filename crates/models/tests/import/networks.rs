@@ -6,7 +6,7 @@ use stillpoint_inference::wire;
 use stillpoint_models::import::{ImportError, Precision, import_checkpoint};
 
 #[test]
-fn names_may_be_a_dictionary_by_number() {
+fn class_names_may_be_a_dictionary() {
     let names = V::Dict(vec![(V::Int(0), text("dog"))]);
     let small = Small {
         names,
@@ -30,7 +30,7 @@ fn refused(what: &str, change: impl FnOnce(&mut Small)) {
 }
 
 #[test]
-fn networks_that_do_not_fit_together_are_refused_by_their_path() {
+fn inconsistent_networks_are_refused_with_their_path() {
     refused(
         "model.1: expected stride 16, as the layers before have it, found 8",
         |s| s.first = pool(16),
@@ -73,7 +73,7 @@ fn networks_that_do_not_fit_together_are_refused_by_their_path() {
 }
 
 #[test]
-fn all_unknown_layers_are_named_at_once() {
+fn all_unknown_layers_are_reported_at_once() {
     let bytes = with_pickle("idetect.pt", |pickle| {
         let pickle = replaced(&pickle, b"models.common\nMP\n", b"models.common\nRepConv\n");
         replaced(&pickle, b"models.common\nSP\n", b"models.common\nGhost\n")
@@ -101,7 +101,7 @@ fn all_unknown_layers_are_named_at_once() {
 }
 
 #[test]
-fn weights_without_their_network_are_refused() {
+fn weights_without_a_network_are_refused() {
     let state = small::dict([("model.0.weight", TensorSpec::new("w", &[4]).value())]);
     let pickle = small::pickle(&state);
     let message = import_checkpoint(&small::archive(&pickle), "x")
@@ -114,7 +114,7 @@ fn weights_without_their_network_are_refused() {
 }
 
 #[test]
-fn networks_of_many_shared_layers_end_at_a_limit() {
+fn number_of_layers_is_limited() {
     // Sequences of a hundred times the previous sequence.
     let mut layer = small::pool(1);
     for _ in 0..3 {
@@ -158,7 +158,7 @@ fn weight(change: impl FnOnce(&mut TensorSpec)) -> String {
 }
 
 #[test]
-fn tensors_beyond_their_memory_are_refused() {
+fn tensors_beyond_their_storage_are_refused() {
     let huge = i64::MAX;
     for change in [
         |t: &mut TensorSpec| t.shape = vec![i64::MAX, i64::MAX, 1, 1],
@@ -194,7 +194,7 @@ fn tensors_beyond_their_memory_are_refused() {
 }
 
 #[test]
-fn weights_that_are_shown_over_and_over_end_at_a_limit() {
+fn repeated_shared_weights_are_limited() {
     let with = |times| Small {
         first: small::repeated_conv(times),
         stride: TensorSpec::new("one", &[1]),
@@ -233,7 +233,7 @@ fn all_precisions_of_weights_give_the_same_network() {
 }
 
 #[test]
-fn maps_that_would_fill_all_memory_end_at_a_limit() {
+fn feature_map_memory_is_limited() {
     let no_parts = || ["_parameters", "_buffers", "_modules"].map(|name| (name, small::nothing()));
     let limit = |first: V| match error_of(
         &Small {

@@ -5,7 +5,7 @@ use super::support::{checkpoint, error_of, message_of, program, with_pickle};
 use stillpoint_models::import::ImportError;
 
 #[test]
-fn pickles_that_are_cut_short_are_refused() {
+fn truncated_pickles_are_refused() {
     for i in 0..100 {
         let bytes = with_pickle("idetect.pt", |p| p[..p.len() * i / 100].to_vec());
         let error = error_of(&bytes);
@@ -63,7 +63,7 @@ fn foreign_functions_are_refused_by_name_and_not_run() {
 }
 
 #[test]
-fn opcodes_that_are_not_known_are_refused_by_their_place() {
+fn unknown_opcodes_are_refused_with_their_offset() {
     for opcode in [
         b'i', b'o', b'I', b'F', b'L', b'S', b'V', b'p', b'g', 0x82, 0x97, 0xff, 0,
     ] {
@@ -78,7 +78,7 @@ fn opcodes_that_are_not_known_are_refused_by_their_place() {
 }
 
 #[test]
-fn stacks_that_do_not_work_out_are_refused() {
+fn inconsistent_stacks_are_refused() {
     for opcodes in [
         b"".as_slice(),
         b"0",
@@ -125,7 +125,7 @@ fn stacks_that_do_not_work_out_are_refused() {
 }
 
 #[test]
-fn lengths_beyond_the_pickle_reserve_nothing() {
+fn excessive_lengths_allocate_nothing() {
     for opcodes in [
         b"X\xff\xff\xff\xff".as_slice(),
         b"T\xff\xff\xff\x7f",
@@ -150,7 +150,7 @@ fn repeated(opcodes: &[u8], times: usize) -> Vec<u8> {
 }
 
 #[test]
-fn bombs_end_at_the_limits() {
+fn pickle_bombs_are_limited() {
     const MANY: usize = 600_000;
     let remembered: Vec<u8> = (0..MANY as u32)
         .flat_map(|i| [b"r".as_slice(), &i.to_le_bytes()].concat())

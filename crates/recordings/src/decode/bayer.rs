@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_surface_of_one_colour_has_it_everywhere() {
+    fn uniform_colour_is_demosaiced_exactly() {
         let colour = [200, 120, 40];
         for name in ["rggb", "bggr", "gbrg", "grbg"] {
             let (mosaic, bytes) = mosaic(&format!("bayer_{name}8")).unwrap();
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn between_two_colours_is_their_mean() {
+    fn missing_colours_are_interpolated_linearly() {
         // Red falls from 100 to 60 along a row of RGRG; green and blue are 0.
         let (mosaic, _) = mosaic("bayer_rggb8").unwrap();
         let found = rgb(&[100, 0, 60, 0, 0, 0, 0, 0], 4, 2, mosaic);

@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn padded_rows_and_marks_of_no_measurement() {
+    fn row_padding_and_invalid_depths_are_handled() {
         let padded = image("16UC1", 6, &[0xe8, 3, 0, 0, 9, 9, 0xff, 0xff, 0xd0, 7]);
         let found = depth(&padded, Unit::default()).unwrap();
         assert_eq!(found.data(), [1.0, 0.0, 0.0, 2.0]);
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn floats_have_a_unit_as_well() {
+    fn float_depth_scale_is_applied() {
         let values = [1500.0_f32, 250.0, 0.0, 2000.0].map(f32::to_le_bytes);
         let unit = Unit {
             float: 1000.0,
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn images_are_read_with_and_without_the_head() {
+    fn compressed_depth_is_read_with_and_without_header() {
         let deep = image::ImageBuffer::from_raw(2, 1, vec![1000_u16, 2500]).unwrap();
         let deep = DynamicImage::ImageLuma16(deep);
         let alone = encoded(&deep, image::ImageFormat::Png);
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn inverse_depth_is_read() {
+    fn inverse_depth_is_decoded() {
         let mut bytes = vec![0; 4];
         bytes.extend(100.0_f32.to_le_bytes());
         bytes.extend(10.0_f32.to_le_bytes());

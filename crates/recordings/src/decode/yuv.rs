@@ -148,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_orders_give_the_colours_of_the_standard() {
+    fn both_yuv_orders_give_bt601_colours() {
         // Black, white and the primary red of BT.601: (81, 90, 240).
         for (encoding, bytes) in [
             ("uyvy", [128, 16, 128, 235, 90, 81, 240, 81]),
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn chroma_behind_the_image_is_found() {
+    fn planar_chroma_is_decoded() {
         // 4 x 2 px: red on the left, white on the right; rows of chroma for two rows of luma.
         let luma = [81, 81, 235, 235, 81, 81, 235, 235];
         let near = |found: &[u8], name: &str| {

@@ -235,7 +235,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn kept_blocks_have_one_bound() {
+    fn block_cache_is_bounded() {
         let mut blocks = Blocks::default();
         for i in 0..5 {
             blocks.keep((0, i), vec![0; 100 << 20]);
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn what_chunks_unpack_to_has_a_common_bound() {
+    fn total_decompressed_size_of_chunks_is_bounded() {
         use std::io::Write;
         const SIZE: u64 = 1 << 20;
         let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());

@@ -47,7 +47,7 @@ fn covariance(errors: &[Option<f64>], step: usize) -> f64 {
 }
 
 #[test]
-fn disparities_err_as_the_model_says_at_any_depth() {
+fn disparity_errors_follow_the_model_at_any_depth() {
     for z in [0.9_f32, 2.0, 4.0] {
         let depth = measure(vec![wall(f64::from(z))], 1);
         let errors = errors(&depth, z);
@@ -63,7 +63,7 @@ fn disparities_err_as_the_model_says_at_any_depth() {
 }
 
 #[test]
-fn the_fixed_pattern_is_that_of_all_images() {
+fn fixed_pattern_noise_is_common_to_all_images() {
     let of = |index| errors(&measure(vec![wall(2.0)], index), 2.0);
     let (a, b) = (of(1), of(2));
     let same: Vec<f64> = a
@@ -80,7 +80,7 @@ fn the_fixed_pattern_is_that_of_all_images() {
 }
 
 #[test]
-fn borders_are_off_to_the_side() {
+fn depth_borders_are_displaced_sideways() {
     // A board at 1 m before a wall at 2 m; its left border is at column 266, its right one at 373.
     let board = Face::quad(Vec3::new(-0.1, 2.0, 1.0), Vec3::x() * 0.2, Vec3::y() * -4.0);
     let depth = measure(vec![wall(2.0), board], 1);
@@ -102,7 +102,7 @@ fn borders_are_off_to_the_side() {
 }
 
 #[test]
-fn faces_seen_aslant_are_not_measured() {
+fn faces_at_grazing_angles_have_no_depth() {
     // Walls along the line of sight, at an angle of 70 and of 84 degrees to it.
     let aslant = |degrees: f64| {
         let (sin, cos) = (

@@ -176,7 +176,7 @@ fn people_do_not_walk_through_each_other_or_the_camera() {
 }
 
 #[test]
-fn a_body_has_human_measures() {
+fn bodies_have_human_height() {
     for person in everyone().iter().filter(|p| p.load.is_empty()) {
         let (mut low, mut high) = (f64::MAX, f64::MIN);
         for p in person.corners(0.0) {
@@ -190,7 +190,7 @@ fn a_body_has_human_measures() {
 
 /// Control: a person in a crowd turns round.
 #[test]
-fn the_camera_sees_the_back_of_whoever_wears_a_coat() {
+fn people_in_coats_turn_their_back_to_the_camera() {
     let turned = |cast| {
         let off = |p: &Person, k: i32| {
             let doing = p.gait.route.at(0.1 * f64::from(k));
@@ -206,7 +206,7 @@ fn the_camera_sees_the_back_of_whoever_wears_a_coat() {
 }
 
 #[test]
-fn the_walking_scene_has_someone_who_walks_stops_and_sits_down() {
+fn walking_scene_includes_walking_stopping_and_sitting() {
     let people = people(Cast::Walking, 0);
     let at = |f: &dyn Fn(&Person, f64) -> bool| {
         people
@@ -222,7 +222,7 @@ fn the_walking_scene_has_someone_who_walks_stops_and_sits_down() {
 
 /// The wrists stay beside the carried box.
 #[test]
-fn a_carried_box_stays_in_its_carriers_hands() {
+fn carried_box_stays_in_the_hands() {
     let people = people(Cast::Carrying, 0);
     let person = &people[0];
     for k in 0..100 {
@@ -252,7 +252,7 @@ fn a_carried_box_stays_in_its_carriers_hands() {
 
 /// Meshes are closed: from any direction their front faces and back faces have the same outline.
 #[test]
-fn faces_of_a_person_look_outward_and_close() {
+fn person_meshes_are_closed_and_face_outward() {
     let scene = Scene::office_with_people(0, Cast::Sitting);
     let faces = scene.moving(3.0, &mut All);
     assert!(faces.len() > 1000);

@@ -34,7 +34,7 @@ fn border(pixels: &Pixels, y: usize) -> f64 {
 }
 
 #[test]
-fn a_turn_shifts_rows_by_their_time() {
+fn rotation_shifts_rows_by_their_exposure_time() {
     let (scene, path, lens) = (half_a_wall(), turning(), lens(BrownConrady::default()));
     let sight = Sight {
         scene: &scene,
@@ -56,7 +56,7 @@ fn a_turn_shifts_rows_by_their_time() {
 }
 
 #[test]
-fn a_row_sees_what_an_image_of_its_time_sees() {
+fn rolling_row_equals_the_same_row_of_an_instant_image() {
     let d = BrownConrady {
         k1: -0.2,
         ..BrownConrady::default()
@@ -83,7 +83,7 @@ fn a_row_sees_what_an_image_of_its_time_sees() {
 }
 
 #[test]
-fn a_still_camera_sees_no_shutter() {
+fn still_camera_shows_no_shutter_effect() {
     let (scene, lens) = (Scene::office(1), lens(BrownConrady::default()));
     let office = Path::xyz(1).world_from_camera(0.0);
     let path = Path::steady(office, Vec6::zeros());
@@ -108,7 +108,7 @@ fn a_still_camera_sees_no_shutter() {
 }
 
 #[test]
-fn a_border_is_blurred_over_the_way_of_an_exposure() {
+fn motion_blur_spans_the_exposure() {
     let (scene, path, lens) = (half_a_wall(), turning(), lens(BrownConrady::default()));
     let sight = Sight {
         scene: &scene,

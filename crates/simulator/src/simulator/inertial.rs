@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_screw_has_a_constant_rate_and_its_centripetal_force() {
+    fn constant_twist_gives_constant_rate_and_force() {
         // A rotation about the vertical with a lever arm: the rate is constant, the force is gravity and omega^2 r.
         let start = Se3::new(
             so3::exp(&Vec3::new(0.0, 0.0, 0.3)),
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn exact_rates_bring_the_camera_from_pose_to_pose() {
+    fn integrated_exact_rates_match_the_poses() {
         let simulator = simulator("rpy");
         let imu = exactly(ImuModel::bmi055());
         let samples = simulator.inertial(&imu);
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_and_bias_are_those_of_the_data_sheet_and_come_by_the_seed() {
+    fn noise_and_bias_follow_the_data_sheet_and_the_seed() {
         let simulator = simulator("static");
         let imu = SimulatedImu::default();
         let exact = simulator.inertial(&exactly(imu.model));
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_source_gives_the_samples_of_its_frames() {
+    fn source_gives_the_inertial_samples_of_its_frames() {
         let imu = exactly(ImuModel::bmi055());
         let mut source = simulator("static")
             .source()

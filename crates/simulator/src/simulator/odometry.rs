@@ -188,14 +188,14 @@ mod tests {
     }
 
     #[test]
-    fn exact_wheels_bring_the_camera_from_pose_to_pose() {
+    fn exact_odometry_matches_the_poses() {
         let [said, exact] = motions(&simulator("halfsphere"), &exactly());
         assert!(exact.translation.norm() > 0.1);
         assert!((said.inverse() * exact).log().norm() < 1e-9);
     }
 
     #[test]
-    fn errors_grow_with_the_way_and_come_by_the_seed() {
+    fn odometry_errors_are_bounded_and_follow_the_seed() {
         let simulator = simulator("xyz");
         let wheels = SimulatedOdometry::default();
         assert_eq!(simulator.odometry(&wheels), simulator.odometry(&wheels));
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn wheels_that_spin_go_ahead_and_stuck_ones_nowhere() {
+    fn spinning_wheels_overestimate_and_stuck_wheels_stay() {
         let simulator = simulator("static");
         let slip = WheelSlip {
             from: 0.5,
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_source_gives_the_samples_of_its_frames() {
+    fn source_gives_the_odometry_samples_of_its_frames() {
         let mut source = simulator("static")
             .source()
             .with_odometry(&exactly())

@@ -22,7 +22,7 @@ fn look(sim: &Simulator, pose: &Se3) -> (Vec<u8>, Vec<f32>) {
 /// Views from the first room equal those from the same place of the second, except for rounding at edges. Only the corridor's ends differ,
 /// and are invisible from the rooms.
 #[test]
-fn the_equal_rooms_look_exactly_alike() {
+fn equal_rooms_render_identically() {
     let sim = Simulator::new(&SimulatorConfig {
         scene: "equal_rooms".to_owned(),
         seed: 3,
@@ -57,7 +57,7 @@ fn the_equal_rooms_look_exactly_alike() {
 
 /// A pixel whose four colour samples see one mover (or none) has that mover in the mask, except for slivers thinner than half a pixel.
 #[test]
-fn masks_agree_with_what_the_colour_image_shows() {
+fn masks_agree_with_the_colour_image() {
     let sim = Simulator::new(&SimulatorConfig {
         scene: "walking_rpy".to_owned(),
         ..SimulatorConfig::default()

@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_derived_is_what_the_crates_below_default_to() {
+    fn derived_orb_config_matches_defaults_and_is_valid() {
         assert_eq!(FeaturesConfig::default().orb(), OrbConfig::default());
         // The lower threshold must be valid for every upper one.
         for fast_threshold in 1..=254 {

@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_depth_sensors_noise_is_one_for_all() {
+    fn all_stages_share_the_depth_noise_model() {
         let mut config = Config::default();
         config.sensor.noise_scale = 3.0;
         let setup = TrackerSetup::from(&config);

@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn strides_are_one_to_a_hundred() {
+    fn detector_stride_is_limited_to_1_to_100() {
         for (stride, valid) in [(0, false), (1, true), (100, true), (101, false)] {
             let mut config = Config::default();
             config.detector.stride = stride;

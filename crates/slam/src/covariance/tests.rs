@@ -31,7 +31,7 @@ fn twists() -> impl Strategy<Value = Se3> {
 
 proptest! {
     #[test]
-    fn more_scatter_makes_a_pose_no_more_certain(information in information(), s in 0.0..2.0_f64, more in 0.0..2.0_f64, n in 30..2000_u32) {
+    fn more_scatter_never_reduces_the_covariance(information in information(), s in 0.0..2.0_f64, more in 0.0..2.0_f64, n in 30..2000_u32) {
         let of = |variance: f64| covariance_in_map(&information, Some(&scatter(variance, n))).unwrap();
         let (less, more) = (of(s), of(s + more));
         prop_assert!(is_sound(&less) && is_sound(&more));
@@ -54,7 +54,7 @@ proptest! {
     }
 
     #[test]
-    fn what_a_motion_is_off_by_grows_with_its_duration(information in information(), motion in twists(), dt in 0.0..5.0_f64, more in 0.0..5.0_f64) {
+    fn motion_covariance_grows_with_duration(information in information(), motion in twists(), dt in 0.0..5.0_f64, more in 0.0..5.0_f64) {
         let one = pose_covariance(&information).unwrap();
         let of = |seconds: f64| covariance_of_motion(&one, &one, &motion, seconds);
         prop_assert_eq!(of(0.0), Mat6::zeros());
@@ -68,7 +68,7 @@ proptest! {
 }
 
 #[test]
-fn what_others_than_matches_tell_is_taken_at_their_word() {
+fn without_scatter_covariance_is_inverse_information() {
     let information = Mat6::from_diagonal(&Vec6::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0));
     let told = covariance_in_map(&information, None);
     assert_eq!(told, pose_covariance(&information));
@@ -106,7 +106,7 @@ fn across(covariance: &MapCovariance, map: &Map, id: u32) -> f64 {
 }
 
 #[test]
-fn a_map_is_off_by_more_with_every_view_that_is_another() {
+fn map_covariance_grows_along_a_chain_of_keyframes() {
     let map = row(8);
     let whole = MapCovariance::of(own(8), map.view());
     let at = |id| across(&whole, &map, id);
@@ -129,7 +129,7 @@ fn a_map_is_off_by_more_with_every_view_that_is_another() {
 }
 
 #[test]
-fn who_turns_by_less_than_a_field_of_view_sees_what_the_first_saw() {
+fn turning_within_the_field_of_view_adds_no_covariance() {
     let at = |turn: f64| {
         let mut world = World::new();
         for id in 0..8_u32 {
@@ -148,7 +148,7 @@ fn who_turns_by_less_than_a_field_of_view_sees_what_the_first_saw() {
 }
 
 #[test]
-fn a_loop_brings_its_end_near_to_the_beginning() {
+fn loop_edge_reduces_the_covariance_of_its_end() {
     let mut map = row(8);
     let mut covariance = MapCovariance::default();
     for id in 1..8 {
@@ -177,7 +177,7 @@ fn a_loop_brings_its_end_near_to_the_beginning() {
 }
 
 #[test]
-fn a_map_that_was_loaded_counts_as_exact() {
+fn loaded_map_has_zero_covariance() {
     let map = row(8);
     let mut covariance = MapCovariance::default();
     covariance.follow(map.view());

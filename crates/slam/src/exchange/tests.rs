@@ -22,7 +22,7 @@ fn frame(id: u32) -> Arc<RgbdFrame> {
 }
 
 #[test]
-fn what_nobody_sent_is_refused_and_changes_nothing() {
+fn entries_without_a_message_are_refused_without_effect() {
     let mut exchange = exchange();
     let nobody = [
         LogEntry::TrackView { answer: 0 },
@@ -50,7 +50,7 @@ fn what_nobody_sent_is_refused_and_changes_nothing() {
 }
 
 #[test]
-fn a_message_waits_until_its_own_entry_takes_it() {
+fn message_stays_queued_until_its_own_log_entry() {
     let mut exchange = exchange();
     let rejudge = |keyframe: u32| MapperMsg::Rejudge {
         keyframe: KeyframeId(keyframe),

@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_of_what_moves_hold_keypoints_for_some_time() {
+    fn boxes_of_movers_count_for_a_limited_time() {
         let (mut crowd, weights) = (Crowd::default(), MotionWeights::default());
         assert!(crowd.share(1.0, &verdicts()) == 0.0);
         crowd.observe(&seen(1.0, "person"), &weights);
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_judged_is_remembered_for_some_time() {
+    fn judged_dynamic_share_expires_and_follows_the_clock() {
         let mut crowd = Crowd::default();
         crowd.judge(1.0, 0.8);
         assert!(crowd.share(2.0, &verdicts()) == 0.8);

@@ -112,7 +112,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn quality_is_from_0_to_1_and_no_better_than_any_part(m in measured()) {
+        fn quality_is_in_0_to_1_and_at_most_every_part(m in measured()) {
             let q = Quality::of(&m);
             for part in [q.inliers, q.agreement, q.spread, q.certainty] {
                 prop_assert!((0.0..=1.0).contains(&part));
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn the_weakest_part_is_reported() {
+    fn weakest_quality_part_is_reported() {
         let good = Measured {
             agreed: 300,
             matched: 320,

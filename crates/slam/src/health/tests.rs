@@ -88,7 +88,7 @@ fn lost(since: u32) -> Outcome {
 }
 
 #[test]
-fn times_are_the_cameras() {
+fn ages_are_measured_by_the_camera_clock() {
     let mut monitor = monitor();
     let evidence = Evidence::default();
     let at =
@@ -131,7 +131,7 @@ fn times_are_the_cameras() {
 }
 
 #[test]
-fn shares_are_of_what_was_judged() {
+fn static_share_is_relative_to_judged_features() {
     let mut monitor = monitor();
     let blind = judge(&mut monitor, 0, lost(0), 0, &Evidence::default());
     assert!(blind.static_share == 0.0);
@@ -145,7 +145,7 @@ fn shares_are_of_what_was_judged() {
 }
 
 #[test]
-fn a_black_frame_without_depth_is_reported_as_such() {
+fn black_frame_without_depth_is_reported_as_covered() {
     let mut monitor = monitor();
     let black = frame(0, 0.0, 2, 0.0);
     let tracked = Tracked {
@@ -176,7 +176,7 @@ fn with_covariance(sigmas: [f64; 6]) -> Health {
 }
 
 #[test]
-fn a_line_tells_all() {
+fn health_line_contains_all_figures() {
     let mut health = with_covariance([0.001, 0.002, 0.002, 0.001, 0.001, 0.001]);
     assert!((health.sigma_m().unwrap() - 0.003).abs() < 1e-12);
     assert_eq!(health.quality.weakest().0, "inliers in one place");
@@ -191,7 +191,7 @@ fn a_line_tells_all() {
 proptest! {
     /// A pose error moves a point equally in camera axes and in world axes.
     #[test]
-    fn the_covariance_turns_with_the_camera(
+    fn covariance_is_rotated_into_world_axes_consistently(
         sigmas in prop::array::uniform6(0.001..0.1f64),
         pose in prop::array::uniform6(-2.0..2.0f64),
         direction in prop::array::uniform6(-1.0..1.0f64),
@@ -215,7 +215,7 @@ proptest! {
 }
 
 #[test]
-fn while_it_is_undecided_who_moves_the_covariance_grows_and_the_quality_does_not() {
+fn undecided_motion_grows_covariance_but_keeps_quality() {
     let decided = with_covariance([0.001; 6]);
     let mut monitor = monitor();
     let frame = frame(0, 0.0, 120, 1.5);
@@ -246,7 +246,7 @@ fn while_it_is_undecided_who_moves_the_covariance_grows_and_the_quality_does_not
 }
 
 #[test]
-fn few_landmarks_beside_much_that_moves_leave_it_undecided() {
+fn few_inliers_and_many_dynamic_features_are_undecided() {
     let said = |outcome: Outcome, inliers: u32, dynamic: u32| {
         let mut report = report(&frame(0, 0.0, 120, 1.5), outcome, 0);
         (report.counts.inliers, report.counts.dynamic) = (inliers, dynamic);

@@ -234,7 +234,7 @@ mod tests {
     proptest! {
         /// For small state errors the difference is linear with these derivatives.
         #[test]
-        fn derivatives_are_those_of_differences(turn in vector(0.6), change in vector(1.0), state in vector(1e-4), mount in vector(1e-4), offset in -1e-4..1e-4f64) {
+        fn derivatives_match_the_linearised_difference(turn in vector(0.6), change in vector(1.0), state in vector(1e-4), mount in vector(1e-4), offset in -1e-4..1e-4f64) {
             let exact = exact(&turn, &change);
             let wrong = wrong(&exact, &state, offset);
             let seen = so3::exp(&mount) * exact.later_from_earlier * so3::exp(&-mount);
@@ -247,7 +247,7 @@ mod tests {
 
         /// Rotations about several axes make all states observable.
         #[test]
-        fn turns_find_bias_mount_and_offset(bias in vector(0.02), mount in vector(0.04), offset in -0.02..0.02f64, seed in 0u32..1000) {
+        fn rotations_calibrate_bias_mount_and_time_offset(bias in vector(0.02), mount in vector(0.04), offset in -0.02..0.02f64, seed in 0u32..1000) {
             let model = ImuModel::bmi055();
             let mut found = Calibration::new(&model);
             for k in 0..60_u32 {
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_sensor_can_be_changes_nothing() {
+    fn implausible_bias_measurement_is_ignored() {
         let mut known = Calibration::new(&ImuModel::bmi055());
         known.measure_rest(&Vec3::new(0.0, 0.5, 0.0), 0.002);
         assert_eq!(known.bias, Vec3::zeros());
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn where_much_moves_mount_and_clock_are_not_learnt() {
+    fn bias_only_updates_leave_mount_and_offset_unchanged() {
         let model = ImuModel::bmi055();
         let mut known = Calibration::new(&model);
         let exact = exact(&Vec3::new(0.0, 0.3, 0.0), &Vec3::x());
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_measured_becomes_less_certain() {
+    fn bias_sigma_grows_without_measurements() {
         let mut known = Calibration::new(&ImuModel {
             gyro_walk: 1e-3,
             ..ImuModel::bmi055()

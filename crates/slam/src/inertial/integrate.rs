@@ -120,7 +120,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_turn_about_axes_that_turn_is_integrated(a in vector(2.5), b in vector(2.5), from in 0.01..0.4f64, span in 0.02..0.5f64, jitter in 0.0..0.3f64) {
+        fn rotation_about_changing_axes_is_integrated_accurately(a in vector(2.5), b in vector(2.5), from in 0.01..0.4f64, span in 0.02..0.5f64, jitter in 0.0..0.3f64) {
             let turning = Turning { a, b };
             let span = [from, from + span];
             // Up to 250 deg/s about each axis, axes that turn as fast, 200 Hz.
@@ -131,7 +131,7 @@ mod tests {
         }
 
         #[test]
-        fn a_bias_turns_as_the_derivative_says(a in vector(2.0), b in vector(2.0), bias in vector(0.01), span in 0.05..0.9f64) {
+        fn bias_derivative_matches_the_integrated_difference(a in vector(2.0), b in vector(2.0), bias in vector(0.01), span in 0.05..0.9f64) {
             let samples = Turning { a, b }.samples(200.0, 0.0);
             let [with, without] = [bias, Vec3::zeros()].map(|bias| integrate(&samples, &bias, [0.05, 0.05 + span]).unwrap());
             let moved = so3::log(&(with.later_from_earlier * without.later_from_earlier.inverse()));
@@ -139,7 +139,7 @@ mod tests {
         }
 
         #[test]
-        fn later_stamps_turn_as_the_derivative_says(a in vector(2.0), b in vector(2.0), offset in 1e-4..1e-3f64, from in 0.1..0.4f64, span in 0.05..0.5f64) {
+        fn time_offset_derivative_matches_integrated_difference(a in vector(2.0), b in vector(2.0), offset in 1e-4..1e-3f64, from in 0.1..0.4f64, span in 0.05..0.5f64) {
             let samples = Turning { a, b }.samples(2000.0, 0.0);
             let [with, without] = [offset, 0.0].map(|o| integrate(&samples, &Vec3::zeros(), [from - o, from + span - o]).unwrap());
             let moved = so3::log(&(with.later_from_earlier * without.later_from_earlier.inverse()));
@@ -147,7 +147,7 @@ mod tests {
         }
 
         #[test]
-        fn parts_make_the_whole(a in vector(2.0), b in vector(2.0), cut in 0.1..0.8f64) {
+        fn integration_is_additive_over_intervals(a in vector(2.0), b in vector(2.0), cut in 0.1..0.8f64) {
             let samples = Turning { a, b }.samples(200.0, 0.0);
             let turn = |from, to| integrate(&samples, &Vec3::zeros(), [from, to]).unwrap().later_from_earlier;
             prop_assert!(turn(0.05, 0.9).angle_to(&(turn(cut, 0.9) * turn(0.05, cut))) < 1e-6);
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn where_samples_are_missing_nothing_is_known() {
+    fn missing_samples_give_no_rotation() {
         let turning = Turning {
             a: Vec3::x(),
             b: Vec3::zeros(),

@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn the_noise_is_measured_whatever_the_turning() {
+    fn noise_estimate_is_independent_of_rotation() {
         let turning = (0..400).map(|k| libm::sin(0.03 * f64::from(k)));
         let signal = after(turning.zip(noise()).map(|(x, n)| x + 0.01 * n));
         // The three axes have 1, 0.5 and 1 times this rate.
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stuck_sensor_and_a_wild_one_are_noticed() {
+    fn stuck_and_noisy_sensors_are_detected() {
         let stuck = after(noise().take(50).chain(std::iter::repeat_n(0.3, 60)));
         assert_eq!(stuck.fault(), Some(SensorFault::Constant));
         let again = after(std::iter::repeat_n(0.3, 60).chain(noise().map(|n| 0.01 * n).take(300)));

@@ -59,7 +59,7 @@ fn mounted() -> ImuModel {
 }
 
 #[test]
-fn tracked_rotations_tell_the_bias_and_confirm_the_sensor() {
+fn tracked_rotations_find_bias_and_confirm_the_sensor() {
     let bias = Vec3::new(0.012, -0.02, 0.015);
     let samples = samples(&mount(), bias, 6.0);
     let before = after(mounted(), &samples, 0.4);
@@ -76,7 +76,7 @@ fn tracked_rotations_tell_the_bias_and_confirm_the_sensor() {
 }
 
 #[test]
-fn a_mount_and_a_clock_that_are_a_little_off_are_found() {
+fn small_mount_and_time_offset_errors_are_estimated() {
     let samples = samples(&mount(), Vec3::new(0.012, -0.02, 0.015), 20.0);
     let turned = mounted().turned(Vec3::new(0.02, -0.015, 0.01));
     // The configured offset is 8 ms too late.
@@ -97,7 +97,7 @@ fn a_mount_and_a_clock_that_are_a_little_off_are_found() {
 }
 
 #[test]
-fn turns_are_within_what_they_are_said_to_err_by() {
+fn rotation_errors_are_within_the_stated_sigma() {
     let samples = samples(&mount(), Vec3::new(0.012, -0.02, 0.015), 6.0);
     for seconds in [1.0, 5.5] {
         let inertial = after(mounted(), &samples, seconds);
@@ -114,7 +114,7 @@ fn turns_are_within_what_they_are_said_to_err_by() {
 }
 
 #[test]
-fn backwards_the_camera_turns_back() {
+fn mirrored_time_inverts_the_rotation() {
     let samples = samples(&mount(), Vec3::new(0.012, -0.02, 0.015), 3.0);
     let inertial = after(mounted(), &samples, 3.0);
     let (pivot, from, to) = (2.9, 2.0, 2.5);
@@ -128,7 +128,7 @@ fn backwards_the_camera_turns_back() {
 }
 
 #[test]
-fn a_sensor_that_is_mounted_otherwise_is_ignored() {
+fn sensor_with_a_wrong_mount_or_clock_is_ignored() {
     let samples = samples(&mount(), Vec3::zeros(), 4.0);
     let turned = mounted().turned(Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2));
     let wrong = after(turned, &samples, 4.0);
@@ -149,7 +149,7 @@ fn a_sensor_that_is_mounted_otherwise_is_ignored() {
 }
 
 #[test]
-fn a_sensor_that_is_stuck_is_ignored_until_it_is_not() {
+fn stuck_sensor_is_ignored_until_recovery() {
     let good = samples(&mount(), Vec3::zeros(), 6.0);
     let mut stuck = good.clone();
     for s in &mut stuck {
@@ -170,7 +170,7 @@ fn a_sensor_that_is_stuck_is_ignored_until_it_is_not() {
 }
 
 #[test]
-fn rest_tells_the_bias_before_the_camera_turns() {
+fn rest_determines_the_gyroscope_bias() {
     let bias = Vec3::new(0.01, 0.015, -0.02);
     let model = ImuModel::bmi055();
     let mut inertial = Inertial::new(model);
@@ -188,7 +188,7 @@ fn rest_tells_the_bias_before_the_camera_turns() {
 }
 
 #[test]
-fn what_is_no_sample_is_left_out() {
+fn invalid_and_late_samples_are_dropped() {
     let mut inertial = Inertial::new(ImuModel::bmi055());
     let at = |stamp: f64, x: f64| ImuSample {
         stamp,

@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn keyframes_that_tell_the_same_are_counted_once_each() {
+    fn agreeing_keyframes_are_counted_once_each() {
         let map = map(12);
         let view = map.view();
         let nodes = Nodes::new(view, SubmapId(0), SubmapId(0));

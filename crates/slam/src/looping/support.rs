@@ -208,7 +208,7 @@ mod tests {
 
     /// Four wrong observations do not move a keyframe. Control: without the limit they do.
     #[test]
-    fn a_keyframe_with_four_observations_follows_its_neighbours() {
+    fn weakly_observed_keyframe_follows_its_neighbours() {
         let seen = || {
             gather(points(1), |node, point| {
                 let wrong = [8, 14, 32, 38].contains(&point).then_some(point + 1);
@@ -230,7 +230,7 @@ mod tests {
     /// Two keyframes that see the same points, but share only four with the others, are not supported. Control: with
     /// all points they are.
     #[test]
-    fn a_group_that_hangs_by_four_points_is_not_held() {
+    fn group_linked_by_four_points_is_not_supported() {
         let shares = |count: usize| {
             let points = gather(points(2), |node, point| {
                 let of_group = node >= COUNT - 2;
@@ -246,7 +246,7 @@ mod tests {
 
     /// Many points in one spot do not determine a pose. Control: the same number all over the image does.
     #[test]
-    fn many_points_in_one_spot_do_not_hold_a_keyframe() {
+    fn concentrated_points_do_not_support_a_keyframe() {
         let spot = |size: f64| {
             let all = points(1).into_iter();
             let positions = all.map(|p| Vec3::new(p.x * size, p.y * size, p.z));
@@ -259,7 +259,7 @@ mod tests {
 
     /// An unsupported node keeps its pose relative to the nearest supported ancestor.
     #[test]
-    fn who_is_not_held_moves_with_his_ancestor() {
+    fn unsupported_keyframe_moves_with_its_ancestor() {
         let map = map(COUNT as u32);
         let nodes = Nodes::new(map.view(), SubmapId(0), SubmapId(0));
         let before = poses();

@@ -139,7 +139,7 @@ fn shown(mut map: Map) -> (Map, LoopCloserOut) {
 }
 
 #[test]
-fn submaps_are_joined_where_enough_of_a_place_is_found_again() {
+fn submaps_join_if_enough_landmarks_are_matched() {
     let (mut map, out) = shown(come_back(40, None));
     let report = out.report.unwrap();
     assert_eq!(report.outcome, LoopOutcome::Closed, "{report:?}");
@@ -155,7 +155,7 @@ fn submaps_are_joined_where_enough_of_a_place_is_found_again() {
 }
 
 #[test]
-fn where_a_place_lies_makes_up_for_few_landmarks() {
+fn expected_position_compensates_for_few_landmarks() {
     // The same thirteen, but the map expects them within 7 cm.
     let (_, out) = shown(come_back(13, Some(0)));
     let report = out.report.unwrap();
@@ -164,7 +164,7 @@ fn where_a_place_lies_makes_up_for_few_landmarks() {
 }
 
 #[test]
-fn an_equal_place_elsewhere_is_set_aside_whatever_is_found() {
+fn identical_place_at_a_distant_position_is_rejected() {
     let mut map = come_back(96, Some(19));
     // 12 m from the expected position, with a path uncertainty of 40 cm.
     let (_, believed) = ends();
@@ -195,7 +195,7 @@ fn edge(old: u32, new: u32) -> LoopEdge {
 }
 
 #[test]
-fn loops_closed_before_are_ties_until_their_keyframes_are_revoked() {
+fn closed_loops_reduce_drift_until_revoked() {
     let mut map = map(12);
     let view = map.publish();
     let mut loop_closer = LoopCloser::new(&Config::default());
@@ -224,7 +224,7 @@ fn loops_closed_before_are_ties_until_their_keyframes_are_revoked() {
 }
 
 #[test]
-fn a_loop_that_was_closed_is_kept() {
+fn closed_loop_edge_is_stored() {
     let mut map = come_back(60, Some(19));
     let view = map.publish();
     let mut loop_closer = knowing(&map);
@@ -240,7 +240,7 @@ fn a_loop_that_was_closed_is_kept() {
 }
 
 #[test]
-fn a_view_without_the_last_correction_is_not_corrected() {
+fn view_older_than_the_last_correction_is_outdated() {
     let mut map = map(30);
     let mut loop_closer = LoopCloser::new(&Config::default());
     let view = map.publish();
@@ -254,7 +254,7 @@ fn a_view_without_the_last_correction_is_not_corrected() {
 }
 
 #[test]
-fn ten_keyframes_are_between_two_loops() {
+fn loops_are_at_least_ten_keyframes_apart() {
     let mut map = map(30);
     let mut loop_closer = LoopCloser::new(&Config::default());
     let view = map.publish();

@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn a_landmark_that_is_seen_through_leaves_the_map() {
+    fn landmark_seen_through_is_culled() {
         let mut mapper = mapper(&[(4, 1.0)], 0);
         // Equation 37, with its clamp.
         let expected = |odds: f32| move |found: Option<f32>| (found.unwrap() - odds).abs() < 1e-6;
@@ -345,7 +345,7 @@ mod tests {
 
     /// All keyframes of the first place look as redundant as those of the second, until the first of them are gone.
     #[test]
-    fn no_place_goes_as_a_whole_while_another_has_plenty() {
+    fn surplus_culling_keeps_keyframes_at_every_place() {
         // The camera is at the last place. Landmarks of the third are too far to be close.
         let mut mapper = mapper(&[(30, 1.0), (30, 1.0), (30, 1e3), (1, 1.0)], 20);
         let now = KeyframeId(90);
@@ -367,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_goes_without_a_limit_or_below_it() {
+    fn no_keyframe_is_culled_without_or_below_the_limit() {
         for limit in [0, 31] {
             let mut mapper = mapper(&[(30, 1.0), (1, 1.0)], limit);
             assert_eq!(mapper.cull_surplus(KeyframeId(30)), 0);

@@ -231,7 +231,7 @@ mod tests {
 
     /// A map started with one calibration and continued with another is not distorted.
     #[test]
-    fn keyframes_of_two_calibrations_are_refined_in_one_camera() {
+    fn keyframes_of_two_calibrations_are_refined_together() {
         let first = Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5]);
         let second = Camera::pinhole(640, 480, [529.0, 527.0, 317.0, 241.5]);
         let cameras = [first, first, first, second];
@@ -255,7 +255,7 @@ mod tests {
     /// A keyframe with a few, wrong landmark matches keeps its tracked pose. Control: without the limit it is pulled
     /// away.
     #[test]
-    fn a_handful_of_wrong_matches_does_not_move_a_keyframe() {
+    fn few_wrong_matches_do_not_move_a_keyframe() {
         let camera = Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5]);
         let moved = |min_held: usize| {
             // The third keyframe confuses each point with its right neighbour, as in a repetitive texture.
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn measurements_of_the_same_camera_stay_as_they_are() {
+    fn measurements_of_the_same_camera_are_unchanged() {
         let camera = Camera::pinhole(640, 480, [525.3, 524.7, 319.1, 239.9]);
         let data = seen(camera, 0.1);
         for i in 0..data.len() {

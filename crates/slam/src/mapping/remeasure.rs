@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_measured_again_is_as_if_it_had_been_known_at_once() {
+    fn remeasuring_equals_measuring_with_the_known_readout() {
         let (before, known) = (seen(READOUT, 0.0), seen(READOUT, READOUT));
         assert!(farthest(&before, &known) > 5.0);
         let again = measured_again(&before, &velocity(), 0.0, READOUT);
@@ -192,7 +192,7 @@ mod tests {
 
     /// Control: without a known velocity nothing is corrected.
     #[test]
-    fn the_first_keyframe_and_its_landmarks_follow_what_is_learned() {
+    fn first_keyframe_is_remeasured_with_the_learned_readout() {
         let off = |velocity| {
             let mut mapper = Mapper::new(&Config::default());
             mapper.step(keyframe(0, 0.0, velocity));
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn what_would_hardly_move_stays_and_what_is_gone_is_forgotten() {
+    fn small_changes_and_missing_keyframes_are_skipped() {
         let mut mapper = Mapper::new(&Config::default());
         mapper.step(keyframe(0, 0.019, Some(velocity())));
         let before = Arc::clone(&mapper.map().view().keyframe(KeyframeId(0)).unwrap().data);
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn other_features_than_there_are_do_not_replace_them() {
+    fn remeasuring_refuses_a_different_feature_set() {
         let mut mapper = Mapper::new(&Config::default());
         mapper.step(keyframe(0, READOUT, Some(velocity())));
         let position = |m: &Mapper| m.map().view().landmark_position(LandmarkId::new(0));

@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_base_does_is_no_jump() {
+    fn normal_base_motion_is_not_a_jump() {
         for rate in [10.0, 30.0, 200.0] {
             assert!(!after(rate, |t| at(0.5 * libm::sin(3.0 * t))).are_wild());
             // Some encoders have a resolution of centimetres.

@@ -137,7 +137,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_steady_screw_is_met_between_samples(v in -1.0..1.0f64, w in -2.0..2.0f64, from in 0.05..0.4f64, span in 0.02..0.5f64) {
+        fn constant_twist_is_interpolated_exactly(v in -1.0..1.0f64, w in -2.0..2.0f64, from in 0.05..0.4f64, span in 0.02..0.5f64) {
             let twist = Vec6::new(v, 0.0, 0.0, 0.0, 0.0, w);
             let samples = track(20.0, |t| Se3::exp(&(twist * t)));
             let way = between(&samples, [from, from + span]).unwrap();
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn to_and_fro_is_a_way_and_ends_that_are_not_known_are_said() {
+    fn path_length_counts_reversals_and_gaps_are_refused() {
         let samples = track(50.0, |t| {
             Se3::new(so3::exp(&Vec3::zeros()), Vec3::x() * libm::sin(6.3 * t))
         });

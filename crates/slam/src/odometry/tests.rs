@@ -52,7 +52,7 @@ fn after(model: OdometryModel, samples: &[OdometrySample], seconds: f64) -> Odom
 }
 
 #[test]
-fn a_motion_is_the_camera_s_and_says_what_it_errs_by() {
+fn motion_is_in_the_camera_frame_with_its_sigma() {
     let samples = samples(|t| t, 3.0);
     let odometry = after(mounted(), &samples, 3.0);
     assert_eq!(odometry.report().state, OdometryState::Confirmed);
@@ -81,7 +81,7 @@ fn a_motion_is_the_camera_s_and_says_what_it_errs_by() {
 }
 
 #[test]
-fn backwards_in_time_it_goes_back() {
+fn mirrored_time_inverts_the_motion() {
     let odometry = after(mounted(), &samples(|t| t, 3.0), 3.0);
     let back = odometry.mirrored(3.0);
     let there = odometry.motion(1.0, 1.5).unwrap().later_from_earlier;
@@ -90,7 +90,7 @@ fn backwards_in_time_it_goes_back() {
 }
 
 #[test]
-fn odometry_that_is_wrong_is_noticed() {
+fn faulty_odometry_is_detected() {
     let right = samples(|t| t, 4.0);
     let quarter = Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
     let turned = after(mounted().turned(quarter), &right, 4.0);
@@ -110,7 +110,7 @@ fn odometry_that_is_wrong_is_noticed() {
 }
 
 #[test]
-fn stuck_wheels_that_run_again_are_believed_again() {
+fn odometry_is_trusted_again_after_slip() {
     let mut odometry = after(mounted(), &samples(|t| t.max(3.0), 9.0), 9.0);
     assert_eq!(odometry.report().state, OdometryState::Confirmed);
     // After slip, odometry is ignored for that time and a while after.
@@ -124,7 +124,7 @@ fn stuck_wheels_that_run_again_are_believed_again() {
 }
 
 #[test]
-fn what_is_no_pose_or_comes_late_is_left_out() {
+fn invalid_and_late_samples_are_dropped() {
     let mut odometry = Odometry::new(mounted());
     let at = |stamp: f64| sample(stamp, &Se3::identity());
     let mut broken = at(0.02);

@@ -27,7 +27,7 @@ fn tracked(id: u32, keypoints: u32, dynamic: u32) -> Tracked {
 }
 
 #[test]
-fn nothing_that_moves_for_most_of_a_second_decides_that_nothing_does() {
+fn start_is_quiet_after_0_8_s_without_motion() {
     for (dynamic, quiet) in [(0, true), (9, true), (11, false)] {
         let still = tracked(0, 100, 0);
         let said = tracked(0, 100, dynamic);
@@ -44,7 +44,7 @@ fn nothing_that_moves_for_most_of_a_second_decides_that_nothing_does() {
 }
 
 #[test]
-fn what_seems_to_move_before_depths_can_be_compared_does_not_count() {
+fn motion_before_depth_comparison_is_ignored() {
     let mut beginning = Beginning::at(0.0);
     let said = tracked(0, 100, 90);
     beginning.take(&frame(0, 0.0), &said);
@@ -53,7 +53,7 @@ fn what_seems_to_move_before_depths_can_be_compared_does_not_count() {
 }
 
 #[test]
-fn less_is_tracked_again_where_frames_come_fast() {
+fn high_frame_rate_reduces_the_retracing_steps() {
     for (hz, expected) in [(15.0, 2), (30.0, 2), (60.0, 1), (90.0, 1)] {
         assert_eq!(steps([5.0 + 1.0 / hz, 5.0]), expected, "{hz} Hz");
     }
@@ -61,7 +61,7 @@ fn less_is_tracked_again_where_frames_come_fast() {
 }
 
 #[test]
-fn a_clock_that_is_set_back_ends_the_beginning() {
+fn clock_set_back_ends_the_start_phase() {
     let mut beginning = Beginning::at(0.0);
     let said = tracked(0, 100, 0);
     assert!(beginning.take(&frame(0, 0.0), &said).is_some());
@@ -71,7 +71,7 @@ fn a_clock_that_is_set_back_ends_the_beginning() {
 }
 
 #[test]
-fn without_a_map_nobody_asks_who_moves() {
+fn without_a_map_no_frame_is_undecided() {
     let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
     let mut system = System::new(Config::default(), camera, Simd::Scalar).unwrap();
     for i in 0..40 {
@@ -84,7 +84,7 @@ fn without_a_map_nobody_asks_who_moves() {
 }
 
 #[test]
-fn the_frames_of_a_beginning_without_an_end_are_let_go() {
+fn start_phase_ends_after_three_seconds() {
     let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
     let mut tracker = Tracker::new(Config::default(), camera, Simd::Scalar);
     let mut retracer = Retracer::new(&Config::default());

@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_only_one_way_has_keep_a_pose() {
+    fn frames_tracked_in_one_direction_keep_a_pose() {
         let there = way(&[(0, 5.0), (1, 4.0), (2, 2.5), (4, 1.0), (5, 0.5)]);
         // The forward poses are off by a metre up to frame 4; frame 2 has no backward pose, and frame 3 no forward
         // pose.

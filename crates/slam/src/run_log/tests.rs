@@ -123,12 +123,12 @@ fn log() -> impl Strategy<Value = RunLog> {
 
 proptest! {
     #[test]
-    fn what_is_written_reads_back(log in log()) {
+    fn log_round_trips_through_text(log in log()) {
         prop_assert_eq!(RunLog::from_bytes(log.to_text().as_bytes()), Ok(log));
     }
 
     #[test]
-    fn a_changed_byte_is_noticed(log in log(), at in any::<prop::sample::Index>(), change in 1..=255_u8) {
+    fn changed_byte_is_detected(log in log(), at in any::<prop::sample::Index>(), change in 1..=255_u8) {
         let mut bytes = log.to_text().into_bytes();
         let at = at.index(bytes.len() - 1);
         bytes[at] ^= change;
@@ -136,7 +136,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_the_text_is_reading_ends(log in log(), at in any::<prop::sample::Index>(), with in "[ -~\n]{0,6}", cut in 0..6_usize) {
+    fn parser_handles_any_text(log in log(), at in any::<prop::sample::Index>(), with in "[ -~\n]{0,6}", cut in 0..6_usize) {
         let text = log.to_text();
         let at = at.index(text.len());
         let end = (at + cut).min(text.len());
@@ -148,7 +148,7 @@ proptest! {
     }
 
     #[test]
-    fn a_log_that_breaks_off_is_refused(log in log(), at in any::<prop::sample::Index>()) {
+    fn truncated_log_is_refused(log in log(), at in any::<prop::sample::Index>()) {
         let bytes = log.to_text().into_bytes();
         prop_assert!(RunLog::from_bytes(&bytes[..at.index(bytes.len() - 1)]).is_err());
     }

@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn takes_back_motion_along_the_axis() {
+    fn depth_is_corrected_for_motion_along_the_axis() {
         let (config, camera, image) = (SensorConfig::default(), camera(), flat(2.0));
         // The camera moves forward at 1 m/s: points come nearer by 10 mm in the 10 ms until the depth image.
         let velocity = Vec6::new(0.0, 0.0, -1.0, 0.0, 0.0, 0.0);
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn both_precisions_are_one_noise() {
+    fn single_and_double_precision_noise_agree() {
         let noise = SensorConfig {
             noise_scale: 3.0,
             ..SensorConfig::default()
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn the_scale_reaches_the_reader() {
+    fn noise_scale_applies_to_the_reader() {
         let (camera, image) = (camera(), flat(2.0));
         let sigma = |noise_scale| {
             let config = SensorConfig {
@@ -302,7 +302,7 @@ mod tests {
     /// A network that sorts all arrays of zeros and ones sorts everything (Knuth, The Art of Computer Programming 3,
     /// 5.3.4).
     #[test]
-    fn nine_numbers_are_sorted() {
+    fn sorting_network_sorts_nine_values() {
         for bits in 0_u16..512 {
             let bit = |i: usize| f32::from(bits >> i & 1);
             let mut v: [[f32; 2]; 9] = std::array::from_fn(|i| [bit(i), 1.0 - bit(i)]);
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn many_depths_are_those_read_one_by_one() {
+    fn batch_reading_equals_single_reading() {
         let config = SensorConfig {
             min_depth: 1.1,
             max_depth: 3.3,
@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn the_range_is_that_of_the_configuration_exactly() {
+    fn depth_range_is_rounded_exactly_to_f32() {
         for x in [0.3, 0.1, 8.0, -8.0, 0.7, 3.3] {
             let single = at_least(x);
             assert!(f64::from(single) >= x && f64::from(single.next_down()) < x);
@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_edges_and_holes() {
+    fn depth_edges_and_holes_are_refused() {
         let (config, camera) = (SensorConfig::default(), camera());
         let mut data = vec![1.0f32; 640 * 480];
         for row in data.chunks_mut(640) {

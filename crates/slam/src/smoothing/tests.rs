@@ -61,7 +61,7 @@ fn both(rate: f64, metres: f64, radians: f64) -> ([f64; 2], [f64; 2]) {
 }
 
 #[test]
-fn jitter_is_smoothed_away_at_any_rate() {
+fn jitter_is_reduced_at_any_frame_rate() {
     for (rate, left) in [(15.0, 0.8), (30.0, 0.65), (60.0, 0.6)] {
         let (before, after) = both(rate, 0.01, 0.01);
         assert!(after[0] < left * before[0], "{rate}: {before:?} {after:?}");
@@ -73,7 +73,7 @@ fn jitter_is_smoothed_away_at_any_rate() {
 }
 
 #[test]
-fn what_is_exact_stays() {
+fn exact_poses_are_unchanged() {
     for rate in [10.0, 15.0, 30.0, 60.0] {
         let (_, after) = both(rate, 0.0, 0.0);
         assert!(after[0] < 1e-4 && after[1] < 2e-4, "{rate}: {after:?}");
@@ -82,7 +82,7 @@ fn what_is_exact_stays() {
 
 /// 20 m/s^2 for a tenth of a second among accurate poses: a robot driving over a door sill.
 #[test]
-fn a_blow_is_kept() {
+fn short_acceleration_is_preserved() {
     let stamps: Vec<f64> = (0..90).map(|k| f64::from(k) / 30.0).collect();
     let way = |t: f64| {
         let (blow, after) = ((t - 1.0).clamp(0.0, 0.1), (t - 1.1).max(0.0));
@@ -101,7 +101,7 @@ fn a_blow_is_kept() {
 }
 
 #[test]
-fn a_single_pose_that_is_far_off_is_brought_back() {
+fn single_outlier_pose_is_corrected() {
     let stamps = stamps(60, 30.0);
     let mut poses = jittered(&stamps, 0.002, 0.002);
     poses[30].translation.x += 0.08;
@@ -111,7 +111,7 @@ fn a_single_pose_that_is_far_off_is_brought_back() {
 }
 
 #[test]
-fn too_few_stay_as_they_are() {
+fn too_few_poses_are_unchanged() {
     let stamps = stamps(LEAST - 1, 30.0);
     let poses = jittered(&stamps, 0.01, 0.01);
     let mut smoothed = poses.clone();
@@ -122,7 +122,7 @@ fn too_few_stay_as_they_are() {
 proptest! {
     /// The result does not depend on the choice of world frame.
     #[test]
-    fn the_world_does_not_matter(turn in [-2.0..2.0, -2.0..2.0, -2.0..2.0f64], shift in [-5.0..5.0, -5.0..5.0, -5.0..5.0f64]) {
+    fn result_is_independent_of_the_world_frame(turn in [-2.0..2.0, -2.0..2.0, -2.0..2.0f64], shift in [-5.0..5.0, -5.0..5.0, -5.0..5.0f64]) {
         let world = Se3::new(so3::exp(&Vec3::from(turn)), Vec3::from(shift));
         let stamps = stamps(40, 30.0);
         let mut poses = jittered(&stamps, 0.005, 0.005);
@@ -137,7 +137,7 @@ proptest! {
 
     /// With any stamps, no pose moves farther than the errors around it, and none is lost.
     #[test]
-    fn uneven_stamps_do_no_harm(gaps in prop::collection::vec(-4.0..-0.61f64, 12..60), metres in 0.0..0.05f64) {
+    fn uneven_stamps_are_handled(gaps in prop::collection::vec(-4.0..-0.61f64, 12..60), metres in 0.0..0.05f64) {
         let mut now = 0.0;
         let times = gaps.iter().map(|g| {
             now += libm::pow(10.0, *g);
@@ -155,7 +155,7 @@ proptest! {
 
     /// The banded solver solves the normal equations.
     #[test]
-    fn the_equations_are_solved(weights in prop::collection::vec(0.1..10.0f64, 3..20), shares in [-3.0..3.0, -3.0..3.0, -3.0..3.0f64], weight in 0.0..5.0f64) {
+    fn banded_solver_solves_the_normal_equations(weights in prop::collection::vec(0.1..10.0f64, 3..20), shares in [-3.0..3.0, -3.0..3.0, -3.0..3.0f64], weight in 0.0..5.0f64) {
         let mut system = Banded::new(&weights);
         for k in 0..weights.len() - 2 {
             system.add(k, &shares, weight, &(Vec3::x() * (k as f64 - 3.0)));

@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_agrees_with_the_camera_and_its_lens() {
+    fn projection_table_agrees_with_the_camera_model() {
         for camera in [straight(), bent()] {
             let cells = Cells::new(&camera, DepthNoise::default());
             let mut seen = 0;
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn no_lens_asks_for_a_boundless_table() {
+    fn table_size_is_bounded_for_any_lens() {
         let forgotten = BrownConrady {
             k3: 0.0,
             ..bent().distortion
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn the_lens_matters_to_the_table() {
+    fn lens_distortion_changes_the_projection() {
         // Ensures that the lens model has an effect in the test above.
         let (bent, straight) = (bent(), bent().rectified());
         let p = Vec3::new(-0.55, -0.42, 1.0);
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cell_sees_itself_along_its_ray() {
+    fn cell_ray_projects_back_into_its_cell() {
         for camera in [straight(), bent()] {
             let cells = Cells::new(&camera, DepthNoise::default());
             assert_eq!(cells.rays().len(), cells.count());
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_behind_or_beside_the_camera_has_no_cell() {
+    fn points_outside_the_view_have_no_cell() {
         let cells = Cells::new(&bent(), DepthNoise::default());
         for p in [[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [0.1, 0.0, 0.04]] {
             assert_eq!(cells.project(p), None);
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_fall_into_cells_and_remainders_into_the_last() {
+    fn partial_border_cells_belong_to_the_last_cell() {
         let cells = Cells::new(
             &Camera::pinhole(44, 29, [40.0, 40.0, 21.5, 14.0]),
             DepthNoise::default(),

@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_out_of_range_is_refused() {
+    fn out_of_range_values_are_refused() {
         let problems = |f: &dyn Fn(&mut StaticFilterConfig)| {
             let mut config = StaticFilterConfig::default();
             f(&mut config);
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_read_as_they_are_written() {
+    fn filter_parts_round_trip() {
         for text in ["O+G+D", "O", "G", "D", "O+G", "O+D", "G+D", "none"] {
             let parts = FilterParts::try_from(text.to_owned());
             assert_eq!(parts.map(String::from), Ok(text.to_owned()));

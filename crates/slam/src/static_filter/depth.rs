@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wall_is_beyond_and_the_person_before_the_threshold() {
+    fn threshold_separates_person_and_wall() {
         let person = (0..30).map(|i| 1.5 + 0.005 * f64::from(i % 7));
         let wall = (0..20).map(|i| 3.5 + 0.01 * f64::from(i % 5));
         let depths: Vec<f64> = person.chain(wall).collect();
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn one_mode_is_split_as_published_and_known_as_one() {
+    fn single_mode_is_split_and_recognised_as_one() {
         let slope: Vec<f64> = (0..60).map(|i| 2.0 + 0.01 * f64::from(i)).collect();
         for seed in 0..50 {
             let t = threshold(&slope, stream(seed)).unwrap();
@@ -119,7 +119,7 @@ mod tests {
 
     /// The best of several draws lies near the top of the distribution of single draws.
     #[test]
-    fn the_best_of_all_draws_is_kept() {
+    fn best_of_several_draws_is_kept() {
         let depths: Vec<f64> = (0..40).map(|i| 1.0 + 0.05 * f64::from(i)).collect();
         // For the two nearest: the mean of all others.
         let best = depths[2..].iter().sum::<f64>() / 38.0;
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn more_supporters_win_and_then_the_deeper_mean() {
+    fn threshold_with_the_most_supporters_wins() {
         // The two nearest features have the most supporters: all others. With fewer supporters the threshold is deeper,
         // so a draw that misses the optimum ends deeper.
         let depths = [1.0, 1.01, 1.02, 1.03, 1.04, 3.0, 3.01, 3.02, 3.03, 3.04];

@@ -110,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_cell_has_a_slot_of_its_own_and_neighbours_theirs() {
+    fn cells_have_unique_slots_with_neighbours_at_the_stride() {
         for (w, h) in [(7, 4), (4, 7), (1, 5), (5, 1), (1, 1)] {
             let layout = Diagonals::new(w, h);
             let slots: Vec<usize> = layout.of_rows().collect();

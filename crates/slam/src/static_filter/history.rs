@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_the_newest_of_at_least_their_age() {
+    fn frames_are_the_newest_of_at_least_the_given_age() {
         let history = filled(90);
         let now = 3.0;
         let ages = [0.2, 0.4, 0.8, 1.6, 2.9];
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_older_than_the_span_is_forgotten() {
+    fn frames_older_than_the_span_are_dropped() {
         let mut history = filled(300);
         let oldest = history.frames.front().unwrap().stamp;
         let newest = history.last().unwrap().stamp;
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_jumps_back_empties_it() {
+    fn clock_jump_back_clears_the_history() {
         let mut history = filled(30);
         push(&mut history, 30, 0.5);
         assert_eq!(history.frames.len(), 1);

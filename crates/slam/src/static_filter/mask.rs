@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn the_outline_is_that_of_the_surface_though_its_depth_is_torn() {
+    fn mask_outline_is_accurate_despite_ragged_depth() {
         let torn = |x: usize, y: usize| (x * 31 + y * 17).is_multiple_of(5);
         let depth = |x: usize, y: usize| match person(x, y) {
             true => 1.5,
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_patch_of_a_wall_is_no_thing() {
+    fn wall_patch_is_not_masked() {
         let masked = |found: Segments, depth: fn(usize, usize) -> f32| {
             let mask = found.mask(&frame(depth));
             mask.data().iter().filter(|v| **v > 0).count()
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn images_that_are_no_multiple_of_cells_are_masked_to_their_end() {
+    fn image_borders_beyond_whole_cells_are_masked() {
         let mut found = frame(|_, _| 1.0);
         let (w, h) = (W + 5, H + 3);
         found.gray = GrayImage::new(w, h);

@@ -223,7 +223,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sums_are_those_of_the_squares() {
+    fn box_sums_match_direct_sums() {
         let (w, h) = (7, 5);
         let values: Vec<[f32; 1]> = (0..w * h).map(|i| [((i * i) % 11) as f32]).collect();
         for reach in [0, 1, 3, 9] {

@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_still_stays_where_it_is_expected() {
+    fn static_point_has_zero_rigid_distance() {
         let turn = UnitQuaternion::from_euler_angles(0.01, -0.02, 0.015);
         let last_from_now = Se3::new(turn, Vec3::new(0.03, -0.02, 0.01));
         let camera = camera();
@@ -275,7 +275,7 @@ mod tests {
     proptest! {
         /// The minimum distance is that of the best depth: 0 for a static feature, and at most that of any depth.
         #[test]
-        fn of_unknown_depth_the_best_counts(
+        fn unknown_depth_uses_the_minimum_distance(
             x in -0.5..0.5_f64, y in -0.4..0.4_f64, z in 0.35..8.0_f64, other in 0.35..8.0_f64,
             turn in prop::array::uniform3(-0.03..0.03_f64), go in prop::array::uniform3(-0.03..0.03_f64),
             moves in prop::array::uniform3(-0.1..0.1_f64),
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn flow_across_the_line_contradicts_and_flow_along_it_does_not() {
+    fn only_flow_off_the_epipolar_line_contradicts() {
         let pose = Se3::new(UnitQuaternion::identity(), Vec3::new(0.02, 0.0, 0.0));
         let votes = votes_of(&[[100.0, 100.0]; 9], &[Some(0.2); 9], 0.1);
         let ray = Vec3::new(0.1, 0.1, 1.0);
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn without_depth_there_is_no_distance() {
+    fn no_depth_gives_no_distance() {
         let pair = FlowPair {
             before_raw: [0.0; 2],
             before: Vec2::new(1.0, 1.0),
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn clear_features_vote_and_others_do_not() {
+    fn only_clear_features_vote() {
         let votes = judge(&at(&[(60, 0.2), (20, 1.6), (20, 9.0)]));
         assert_eq!((votes.len(), moving(&votes)), (80, 20));
         // Features without flow do not count.
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_vote_belongs_to_the_cell_of_its_feature() {
+    fn vote_is_assigned_to_the_cell_of_its_feature() {
         let cells = Cells::new(&camera(), DepthNoise::default());
         let pixels = [[4.0, 4.0], [100.0, 50.0], [630.0, 470.0], [300.0, 10.0]];
         let distances = [Some(0.1), Some(0.1), Some(8.0), None];
@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_is_measured_against_what_is_typical() {
+    fn motion_is_relative_to_the_typical_distance() {
         // With a good pose, 3 px are a motion.
         assert_eq!(moving(&judge(&at(&[(70, 0.2), (30, 3.0)]))), 30);
         // If the whole image is off by a pixel, they are not, but 6 px still are.
@@ -371,14 +371,14 @@ mod tests {
     }
 
     #[test]
-    fn with_the_camera_in_doubt_nothing_is_called_moving() {
+    fn uncertain_camera_motion_gives_no_moving_votes() {
         // All distances are large: the pose is wrong.
         assert_eq!(moving(&judge(&at(&[(100, 40.0)]))), 0);
         assert_eq!(moving(&judge(&at(&[(10, 0.2), (90, 40.0)]))), 0);
     }
 
     #[test]
-    fn blurred_flow_must_be_farther_off_to_move() {
+    fn uncertain_flow_raises_the_motion_threshold() {
         let distances = at(&[(70, 0.2), (30, 3.0)]);
         let moving_of = |sigma: f64| moving(&judge_with(&distances, sigma).votes);
         assert_eq!(moving_of(0.3), 30);
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn the_farther_the_static_are_off_the_less_the_flow_is_sure() {
+    fn flow_certainty_falls_with_the_typical_distance() {
         let certainty = |typical: f64| judge_with(&at(&[(100, typical)]), 0.1).certainty;
         assert!(certainty(0.1) > 0.95);
         assert!((certainty(HALF_CERTAIN_PX) - 0.5).abs() < 1e-6);

@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn regions_are_joined_cells_that_were_chosen() {
+    fn regions_are_connected_selected_cells() {
         let (cells, depth) = (cells(), room());
         let links = Links::new(&cells, &depth);
         let near = depth.iter().copied().fold(f32::INFINITY, f32::min);
@@ -216,7 +216,7 @@ mod tests {
 
     /// Diagonal sweeps equal row-by-row sweeps bit for bit.
     #[test]
-    fn values_are_those_of_sweeps_row_by_row() {
+    fn diagonal_sweeps_equal_row_by_row_sweeps() {
         let cells = cells();
         for seed in 0..4 {
             let (d, e) = (noise(seed), noise(seed + 50));
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_leaks_across_a_step_in_depth() {
+    fn evidence_does_not_cross_depth_steps() {
         let values = spread(&room(), &image(|x, y| f32::from(u8::from(person(x, y)))));
         for (i, v) in values.iter().enumerate() {
             if person(i % W, i / W) {
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_belong_together_and_holes_to_nothing() {
+    fn slopes_are_connected_and_holes_are_not() {
         // A table that recedes 2 % per cell stays connected.
         let table = image(|_, y| 1.0 + 0.02 * y as f32);
         let own = image(|x, y| f32::from(u8::from(x == 0 && y == 0)) * 8.0);
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_of_a_row_is_no_neighbour_of_the_next() {
+    fn row_end_is_not_linked_to_the_next_row() {
         let depth = image(|x, y| match (x, y) {
             (x, 0) if x == W - 1 => 1.0,
             (0, 1) => 1.0,
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn a_region_takes_over_the_sign_of_its_evidence() {
+    fn region_takes_the_sign_of_its_evidence() {
         // One cell in five has evidence, some of it slightly wrong.
         let own = image(
             |x, y| match (person(x, y), (y * W + x) % 5, (y * W + x) % 45) {
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn values_stay_within_the_limit_and_never_fall_when_evidence_rises() {
+    fn spread_values_are_bounded_and_monotone() {
         for seed in 0..20 {
             let (d, e, f) = (noise(seed), noise(seed + 100), noise(seed + 200));
             let depth = image(|x, y| {

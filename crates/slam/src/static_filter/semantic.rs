@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn odds_are_highest_in_the_middle_and_none_outside() {
+    fn odds_peak_at_the_box_centre_and_vanish_outside() {
         let person = one(object("person"), 10.0).unwrap();
         let [x, y] = BOX.centre();
         let middle = person.odds(x, y, 1.5);
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_holds_its_own_depths() {
+    fn object_contains_its_own_depth_range() {
         let mut person = one(object("person"), 10.0).unwrap();
         let [x, y] = BOX.centre();
         for (z, held) in [(1.1, false), (1.25, true), (1.75, true), (1.9, false)] {
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn people_count_unless_they_are_parked() {
+    fn people_have_odds_unless_parked() {
         assert!(strength(object("person"), 10.0) > 0.0);
         let state = ObjectState::Tentative;
         let tentative = Object {
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn chairs_count_when_they_were_measured_to_move_and_toilets_never() {
+    fn chairs_have_odds_only_when_moving_and_toilets_never() {
         assert!(strength(object("chair"), 10.0).abs() < f32::EPSILON);
         let motion = Motion::Moving;
         let pushed = Object {
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn confidence_fades_while_coasting_and_only_then() {
+    fn odds_decay_only_while_coasting() {
         let coasting = Object {
             state: ObjectState::Coasting,
             ..object("person")
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_outside_the_image_is_left_out() {
+    fn objects_outside_the_image_are_dropped() {
         let gone = Object {
             bounds: BoundingBox { x1: BOX.x0, ..BOX },
             ..object("person")

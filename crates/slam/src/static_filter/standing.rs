@@ -79,17 +79,17 @@ mod tests {
     }
 
     #[test]
-    fn who_passes_before_a_thing_says_nothing_of_it() {
+    fn person_passing_in_front_does_not_mark_a_thing() {
         assert_eq!(beside([0.0, 40.0], 2.0), [60, 60]);
     }
 
     #[test]
-    fn who_holds_most_of_a_thing_carries_it() {
+    fn person_overlapping_most_of_a_thing_carries_it() {
         assert_eq!(beside([0.0, 70.0], 2.0), [30, 100]);
     }
 
     #[test]
-    fn people_answer_for_each_other() {
+    fn overlap_of_two_people_counts_for_each() {
         assert_eq!(beside([0.0, 40.0], 5.0), [60, 100]);
     }
 }

@@ -110,7 +110,7 @@ fn config() -> Config {
 }
 
 #[test]
-fn detections_of_lost_frames_do_not_wait() {
+fn detections_of_lost_frames_are_discarded() {
     let mut filter = filter(&config());
     let unused = Unused {
         too_late: 0,
@@ -132,7 +132,7 @@ fn detections_of_lost_frames_do_not_wait() {
 }
 
 #[test]
-fn detections_that_come_too_late_are_counted() {
+fn late_detections_are_counted() {
     let mut filter = filter(&config());
     let view = MapView::default();
     for id in 0..200 {
@@ -169,7 +169,7 @@ fn detections_that_come_too_late_are_counted() {
 }
 
 #[test]
-fn without_depth_all_in_the_box_is_the_object() {
+fn without_depth_every_feature_in_the_box_is_dynamic() {
     for (depth, expected) in [(true, [true, false, false]), (false, [true, true, false])] {
         let mut config = config();
         config.static_filter.parts.depth = depth;
@@ -181,7 +181,7 @@ fn without_depth_all_in_the_box_is_the_object() {
 
 /// Features on a detected person have hardly any weight in the camera motion; the wall behind keeps its weight.
 #[test]
-fn who_is_seen_has_hardly_any_say() {
+fn features_on_detected_people_get_little_weight() {
     let say = |filter: &StaticFilter| CORNERS.map(|corner| filter.say(corner));
     let mut filter = filter(&config());
     follow(&mut filter, 0);
@@ -199,7 +199,7 @@ fn who_is_seen_has_hardly_any_say() {
 }
 
 #[test]
-fn a_judgement_that_is_refused_leaves_nothing_behind() {
+fn discarded_judgement_has_no_side_effects() {
     let mut filter = filter(&config());
     for id in 0..10 {
         follow(&mut filter, id);
@@ -314,7 +314,7 @@ fn dark_corners(flow: [Option<f64>; 10], few: bool, detector: bool) -> Vec<bool>
 }
 
 #[test]
-fn dark_clothes_move_where_most_of_them_do_and_somebody_is_near() {
+fn dark_corners_move_by_majority_near_people() {
     let there = |moves: [bool; 10]| moves.to_vec();
     let [on, off] = [true, false];
     // Far from people, flow alone is not enough.

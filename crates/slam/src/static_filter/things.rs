@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn bodies_are_things_and_patches_of_what_is_flat_are_none() {
+    fn bodies_are_kept_and_patches_of_planes_are_not() {
         let inside = |x: usize, y: usize| (5..15).contains(&x) && (3..13).contains(&y);
         let screen = |x, y| if inside(x, y) { 1.2 } else { 3.0 };
         let round = |x: usize, y: usize| {

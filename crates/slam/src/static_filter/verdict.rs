@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn releases_the_least_risky_and_no_more_than_needed() {
+    fn least_risky_features_are_released_first() {
         let mut verdicts: Vec<FeatureVerdict> = (0..10)
             .map(|i| FeatureVerdict {
                 dynamic: i >= 2,

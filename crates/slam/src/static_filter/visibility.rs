@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_compared_as_defined() {
+    fn cell_comparison_matches_its_definition() {
         let cells = five_by_five(1.0);
         let depths = [0.0, 1.0, 1.9, 2.0, 2.06, 2.2, 3.0];
         let mut x = 1_u64;
@@ -251,7 +251,7 @@ mod tests {
     const STILL: [bool; 9] = [false; 9];
 
     #[test]
-    fn an_empty_place_a_surface_and_a_hidden_place_are_distinguished() {
+    fn seen_through_same_and_hidden_are_distinguished() {
         assert_eq!(seen([3.0; 9], STILL), Seen::Through);
         assert_eq!(seen([2.0; 9], STILL), Seen::Same);
         assert_eq!(seen([1.0; 9], STILL), Seen::Hidden);
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn depths_agree_within_the_tolerance_only() {
+    fn depths_agree_only_within_the_tolerance() {
         let tolerance = five_by_five(1.0).depth_tolerance(2.0);
         assert!((0.04..0.12).contains(&tolerance));
         for sign in [-1.0, 1.0] {
@@ -273,14 +273,14 @@ mod tests {
     }
 
     #[test]
-    fn the_noise_scale_reaches_the_tolerance() {
+    fn noise_scale_widens_the_tolerance() {
         assert_eq!(seen([2.15; 9], STILL), Seen::Through);
         let noisy = five_by_five(10.0);
         assert_eq!(seen_among(&noisy, [2.15; 9], STILL), Seen::Same);
     }
 
     #[test]
-    fn holes_say_nothing() {
+    fn depth_holes_are_no_evidence() {
         assert_eq!(seen([0.0; 9], STILL), Seen::Hidden);
         assert_eq!(seen(with(3.0, 0.0, 4), STILL), Seen::Hidden);
         assert_eq!(seen(with(3.0, 0.0, 5), STILL), Seen::Through);
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moved_then_does_not_confirm_what_is_there_now() {
+    fn earlier_moving_surface_does_not_confirm_the_place() {
         assert_eq!(seen([2.0; 9], [true; 9]), Seen::Hidden);
         let half = std::array::from_fn(|i| i < 4);
         assert_eq!(seen([2.0; 9], half), Seen::Same);
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn motions_agree_with_rigid_transforms() {
+    fn cell_motion_matches_the_rigid_transform() {
         let turn = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
         let pose = Se3::new(turn, Vec3::new(0.2, -0.1, 0.4));
         let p = CellMotion::new(&pose).apply_all(&[0.3], &[-0.2], &[2.5]);
@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn a_person_who_came_moves_and_the_wall_stands_still() {
+    fn entering_person_moves_and_the_wall_is_static() {
         let person = |x: usize| (128..192).contains(&x);
         let (now, before) = (scene(3.0, person), scene(3.0, |_| false));
         let evidence = evidence(&now, &before, 0.0, 1.0, false);
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn who_left_shows_what_he_hid() {
+    fn wall_uncovered_by_a_person_is_no_evidence() {
         let person = |x: usize| (128..192).contains(&x);
         let evidence = evidence(&scene(3.0, |_| false), &scene(3.0, person), 0.0, 1.0, false);
         // The uncovered wall is not new: its place was occluded before.
@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cameras_motion_is_taken_out() {
+    fn camera_motion_is_compensated() {
         // The wall is 30 cm nearer because the camera moved.
         let (now, before) = (scene(2.7, |_| false), scene(3.0, |_| false));
         let middle = 15 * 40 + 20;
@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn agreement_counts_with_age_and_not_with_what_moved_then() {
+    fn agreement_grows_with_age_unless_moving_before() {
         let wall = scene(3.0, |_| false);
         let middle = 15 * 40 + 20;
         let at = |age, was_moving| evidence(&wall, &wall, 0.0, age, was_moving)[middle];

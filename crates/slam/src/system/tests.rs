@@ -59,7 +59,7 @@ fn looked_at(stride: u32, delay: u32) -> (String, Vec<(u32, u32)>) {
 
 /// The same frames, with the caller's detections in every third of them.
 #[test]
-fn what_the_caller_sees_takes_the_detectors_place_and_way() {
+fn caller_detections_replace_the_detector_with_its_delay() {
     let mut config = Config::default();
     config.schedule.detector = 2;
     let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
@@ -81,7 +81,7 @@ fn what_the_caller_sees_takes_the_detectors_place_and_way() {
 }
 
 #[test]
-fn the_detector_looks_at_every_so_many_frames_of_the_run() {
+fn detector_runs_at_its_stride() {
     assert_eq!(looked_at(1, 0).0, "[7, 10, 13, 16, 19, 22, 25, 28, 31, 34]");
     let looks = "[7, 19, 31]".to_owned();
     let at_once = vec![(7, 7), (19, 19), (31, 31)];

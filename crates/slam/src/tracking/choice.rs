@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_that_nothing_has_confirmed_needs_nearly_as_much_for_it_as_the_other_motion_has() {
+    fn unconfirmed_sensor_needs_nearly_equal_support() {
         let takes_bound = |share: f64, rules: bool| {
             let choice = Choice::between(vote(0.8, false), vote(share, true), false, rules);
             assert!(choice.against);
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn of_one_motion_the_bound_vote_is_the_more_exact() {
+    fn agreeing_motions_choose_the_bound_vote() {
         let both = Choice::between(vote(0.8, false), vote(0.6, true), true, false);
         assert!(both.vote.unwrap().is_bound && !both.against);
         let free = Choice::between(vote(0.8, false), None, true, true);

@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_more_is_asked_for_where_enough_holds() {
+    fn demand_is_unchanged_with_enough_inliers() {
         let mut demand = Demand::new(1000);
         assert_eq!(demand.next(30), 1000);
         demand.note_inliers(Some(120));
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn more_is_asked_for_as_the_last_image_lacked() {
+    fn demand_grows_with_missing_inliers() {
         let mut demand = Demand::new(300);
         for (found, asked) in [(119, 302), (100, 360), (60, 420), (30, 420), (0, 420)] {
             demand.note_inliers(Some(found));

@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn guesses_are_corrected_by_the_median() {
+    fn predictions_are_corrected_by_the_median_offset() {
         let found = |x| {
             Some(FlowMatch {
                 position: [x, -1.0],

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_view_is_new_by_what_it_shows() {
+    fn view_is_new_by_its_viewing_angle() {
         let here = [at(0.0, 0.0)];
         // Translation counts by its viewing angle, rotation directly, and both add up.
         assert!(!is_new(&here, &at(0.19, 0.0), 2.0));
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_view_that_a_keyframe_has_is_not_new() {
+    fn view_near_any_keyframe_is_not_new() {
         // The last keyframe counts before the map contains it, and so does the reference after a return.
         assert!(!is_new(&[at(0.0, 0.0), at(0.5, 0.0)], &at(0.45, 0.0), 2.0));
         assert!(!is_new(&[at(0.0, 0.0), at(0.5, 0.0)], &at(0.05, 0.0), 2.0));
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn landmarks_that_fade_away_make_a_keyframe_due() {
+    fn loss_of_landmarks_makes_a_keyframe_due() {
         let config = KeyframeConfig::default();
         let mut coverage = Coverage::of(AnchoredPose::default(), 300);
         // A keyframe adds landmarks, so the maximum is counted from then on.

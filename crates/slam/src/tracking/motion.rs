@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_acceleration_gives_exact_velocities_at_both_stamps() {
+    fn constant_acceleration_gives_exact_velocities() {
         for stamps in [[0.0, 0.033, 0.067], [0.0, 0.03, 0.10]] {
             let m = motion(1.0, 20.0, stamps);
             let turn = |v: Option<Vec6>| v.map_or(f64::NAN, |v| v[4]);
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn before_two_intervals_are_known_the_mean_stands_for_both_ends() {
+    fn single_interval_uses_the_mean_velocity() {
         let none = CameraMotion::default();
         assert!(none.at_last().is_none() && none.at_before().is_none());
         let one = none.followed_by(&turned(1.0, 0.0, 0.0), &turned(1.0, 0.0, 0.1), 0.1);
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_turn_is_less_unsteady_than_one_that_begins() {
+    fn unsteadiness_is_larger_while_a_turn_begins() {
         let still = motion(0.0, 0.0, [0.0, 0.03, 0.06]).unsteadiness();
         let steady = motion(2.0, 0.0, [0.0, 0.03, 0.06]).unsteadiness();
         let begins = motion(0.0, 30.0, [0.0, 0.03, 0.06]).unsteadiness();
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn it_predicts_by_the_mean_and_for_half_a_second_at_most() {
+    fn prediction_uses_the_mean_for_at_most_half_a_second() {
         let m = motion(1.0, 0.0, [0.0, 0.1, 0.2]);
         let at = |dt: f64| m.predict(&turned(1.0, 0.0, 0.2), dt).log()[4];
         assert!((at(0.1) - 0.3).abs() < 1e-9 && (at(9.0) - 0.7).abs() < 1e-9);

@@ -85,14 +85,14 @@ mod tests {
     }
 
     #[test]
-    fn tells_present_hidden_and_gone_apart() {
+    fn present_occluded_and_gone_are_distinguished() {
         assert_eq!(sight(|_, _| 2.05), Sight::Open);
         assert_eq!(sight(|_, _| 1.0), Sight::Hidden);
         assert_eq!(sight(|_, _| 3.0), Sight::Through);
     }
 
     #[test]
-    fn the_noise_scale_reaches_the_tolerance() {
+    fn noise_scale_widens_the_tolerance() {
         let noisy = SensorConfig {
             noise_scale: 10.0,
             ..SensorConfig::default()
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn does_not_judge_edges_and_holes() {
+    fn depth_edges_and_holes_are_not_judged() {
         assert_eq!(sight(|x, _| if x < 32 { 1.0 } else { 3.0 }), Sight::Open);
         assert_eq!(sight(|x, _| if x < 32 { 2.0 } else { 3.0 }), Sight::Open);
         assert_eq!(sight(|_, y| if y < 23 { 0.0 } else { 3.0 }), Sight::Open);

@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tracked_camera_moves_on_and_a_lost_one_stays() {
+    fn prediction_uses_velocity_only_while_tracked() {
         let mut state = tracking();
         assert!((predicted_x(&mut state, 1.25) - 1.25).abs() < 1e-9);
         assert!(state.velocity().is_some() && state.lost_since().is_none());
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loss_keeps_its_first_frame() {
+    fn loss_keeps_its_first_frame() {
         for mut state in [State::default(), tracking()] {
             assert_eq!(state.lose(FrameId(7)), FrameId(7));
             assert_eq!(state.lose(FrameId(8)), FrameId(7));
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_was_set_takes_the_velocity() {
+    fn clock_change_clears_the_velocity() {
         let mut state = tracking();
         state.set_clock(-100.0);
         assert!(state.velocity().is_none() && state.tracked().is_some());

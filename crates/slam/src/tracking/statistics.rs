@@ -133,7 +133,7 @@ mod tests {
     use crate::pace::worth;
 
     #[test]
-    fn a_second_of_looking_is_a_second_at_any_rate() {
+    fn weighted_counts_are_independent_of_frame_rate() {
         for rate in [10.0, 15.0, 30.0, 60.0, 120.0, 200.0] {
             let mut statistics = Statistics::default();
             for _ in 0..rate as usize {
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn any_number_of_landmarks_is_counted_each_for_itself() {
+    fn many_landmarks_are_counted_separately() {
         let mut statistics = Statistics::default();
         for round in 0..3 {
             // Neighbouring ids, and ids with the same first slot.
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_are_by_landmark_and_start_over() {
+    fn counts_are_per_landmark_and_reset_when_taken() {
         let mut statistics = Statistics::default();
         for (id, sight) in [
             (7, Sight::Open),

@@ -51,7 +51,7 @@ fn check(found: &[[f64; 2]], expected: &[[f64; 2]]) {
 }
 
 #[test]
-fn what_is_learnt_of_a_keyframe_is_spread_over_the_frames_before_it() {
+fn keyframe_correction_is_spread_over_earlier_frames() {
     let mut map = Map::new(8, 1.2);
     add(&mut map, 0, None, at(0.0, 0.0));
     // Measured at 0.4, refined to 0.44 and rotated by 0.2.
@@ -79,7 +79,7 @@ fn what_is_learnt_of_a_keyframe_is_spread_over_the_frames_before_it() {
 }
 
 #[test]
-fn what_may_be_a_keyframes_own_error_is_not_spread() {
+fn corrections_below_the_noise_are_not_spread() {
     let frames = [
         entry(0, true, 0, 0.0),
         entry(1, false, 0, 0.1),
@@ -100,7 +100,7 @@ fn what_may_be_a_keyframes_own_error_is_not_spread() {
 }
 
 #[test]
-fn frames_measured_from_another_keyframe_stay() {
+fn frames_with_another_reference_are_not_corrected() {
     let mut map = Map::new(8, 1.2);
     add(&mut map, 0, None, at(0.0, 0.0));
     add(&mut map, 2, Some(0), at(0.26, 0.0));
@@ -148,7 +148,7 @@ fn smoothed_by(entries: &[TrajectoryEntry]) -> Vec<f64> {
 }
 
 #[test]
-fn frames_in_a_row_are_smoothed_and_carried_ones_stay() {
+fn consecutive_frames_are_smoothed_except_carried_ones() {
     let mut entries = jittered(41);
     assert!(smoothed_by(&entries).iter().all(|m| *m > 0.005));
     entries[20].carried = true;
@@ -158,7 +158,7 @@ fn frames_in_a_row_are_smoothed_and_carried_ones_stay() {
 }
 
 #[test]
-fn a_gap_ends_a_row_and_too_few_stay() {
+fn gap_splits_smoothing_and_short_runs_are_unchanged() {
     let mut entries = jittered(28);
     for late in &mut entries[20..] {
         late.stamp += 0.3;

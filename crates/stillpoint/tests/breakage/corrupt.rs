@@ -26,7 +26,7 @@ fn corrupt(frame: &RgbdFrame) -> SourceError {
 }
 
 #[test]
-fn one_corrupt_image_in_a_hundred_costs_its_frame() {
+fn corrupt_images_lose_only_their_frames() {
     let spoiled = [13, 57, 91];
     let item = |f: RgbdFrame| {
         let is_spoiled = spoiled.contains(&f.id.0);
@@ -52,7 +52,7 @@ pub(crate) fn record(folder: &Path, frames: std::ops::Range<usize>) {
 }
 
 #[test]
-fn truncated_files_cost_their_frames() {
+fn truncated_files_lose_only_their_frames() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("room");
     record(&folder, 0..40);

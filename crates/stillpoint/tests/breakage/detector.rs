@@ -38,7 +38,7 @@ fn failures(events: &[Event]) -> usize {
 }
 
 #[test]
-fn a_detector_that_dies_leaves_tracking_as_good_as_without_one() {
+fn failed_detector_does_not_harm_tracking() {
     let detector = Box::new(Dies(people().detector(), 30));
     let mut session = Session::new(people(), config()).with_detector(detector);
     let reports = session.feed(people().play(0..90));
@@ -58,7 +58,7 @@ fn a_detector_that_dies_leaves_tracking_as_good_as_without_one() {
 }
 
 #[test]
-fn answers_that_are_two_seconds_late_do_no_harm() {
+fn detections_two_seconds_late_do_no_harm() {
     let mut config = config();
     (config.schedule.detector, config.detector.stride) = (60, 15);
     let mut session = Session::new(people(), config).with_detector(people().detector());

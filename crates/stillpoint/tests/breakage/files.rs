@@ -65,7 +65,7 @@ fn child_without_descriptors() {
 }
 
 #[test]
-fn without_file_descriptors_there_are_errors_that_say_so() {
+fn exhausted_file_descriptors_give_clear_errors() {
     let dir = tempfile::tempdir().unwrap();
     record(&dir.path().join("room"), 0..4);
     std::fs::write(dir.path().join("result"), "old").unwrap();
@@ -97,7 +97,7 @@ fn child_on_a_full_disk() {
 }
 
 #[test]
-fn on_a_full_disk_what_was_there_stays() {
+fn full_disk_keeps_the_old_file() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("result"), "old").unwrap();
     // A file size limit behaves like a full disk: writing fails half-way.

@@ -38,7 +38,7 @@ fn through(what: Disturbance, frames: usize) -> (Vec<LostReason>, usize) {
 }
 
 #[test]
-fn black_white_and_covered_images_are_lost_and_nothing_else() {
+fn black_white_and_covered_frames_are_lost_and_no_others() {
     for what in [
         Disturbance::Black,
         Disturbance::Covered,
@@ -51,7 +51,7 @@ fn black_white_and_covered_images_are_lost_and_nothing_else() {
 }
 
 #[test]
-fn blurred_images_and_jumps_of_the_exposure_are_survived() {
+fn tracking_survives_blur_and_exposure_jumps() {
     // (disturbance, maximum lost frames during and after it)
     for (what, lost, after) in [
         (Disturbance::Blurred(2), 0, 0),
@@ -68,7 +68,7 @@ fn blurred_images_and_jumps_of_the_exposure_are_survived() {
 }
 
 #[test]
-fn three_seconds_without_depth_are_tracked_on_the_map() {
+fn three_seconds_without_depth_are_tracked_by_the_map() {
     let mut session = Session::new(room(), config());
     session.feed(room().play(0..20));
     let before = session.view();
@@ -82,7 +82,7 @@ fn three_seconds_without_depth_are_tracked_on_the_map() {
 }
 
 #[test]
-fn a_map_begins_when_there_is_depth() {
+fn map_starts_once_depth_is_available() {
     let mut session = Session::new(room(), config());
     let blind = session.feed(room().disturbed(0..10, Disturbance::NoDepth));
     assert_eq!(losses(&blind), [LostReason::FewDepths; 10]);
@@ -93,7 +93,7 @@ fn a_map_begins_when_there_is_depth() {
 }
 
 #[test]
-fn half_of_the_depth_is_enough() {
+fn half_of_the_depth_suffices() {
     let mut session = Session::new(room(), config());
     let reports = session.feed(room().disturbed(0..100, Disturbance::HalfDepth));
     assert!(losses(&reports).is_empty());
@@ -102,7 +102,7 @@ fn half_of_the_depth_is_enough() {
 
 /// Invalid depths.
 #[test]
-fn depths_that_are_no_numbers_are_not_measured() {
+fn invalid_depths_are_ignored() {
     let nonsense = [
         f32::NAN,
         f32::INFINITY,

@@ -62,7 +62,7 @@ fn home_again(reports: &[FrameReport]) -> bool {
 }
 
 #[test]
-fn somebody_who_fills_the_image_for_two_seconds_does_not_carry_the_map_away() {
+fn person_filling_the_image_does_not_move_the_map() {
     let room = super::world::room();
     // (detected, free px of the image)
     for (detected, free) in [(false, 24), (true, 24), (false, 0), (true, 0)] {
@@ -107,7 +107,7 @@ fn somebody_who_fills_the_image_for_two_seconds_does_not_carry_the_map_away() {
 }
 
 #[test]
-fn a_crowd_that_fills_the_image_leaves_no_false_pose() {
+fn crowd_filling_the_image_gives_no_false_pose() {
     let recording = Recording::new("walking_xyz", 30..100, small(450.0));
     let mut session = Session::new(&recording, config()).with_detector(recording.detector());
     let reports = session.feed(recording.play(0..70));

@@ -6,7 +6,7 @@ use stillpoint_map::SubmapId;
 use stillpoint_slam::Outcome;
 
 #[test]
-fn uncovered_where_it_was_it_is_found_and_elsewhere_it_begins_a_submap() {
+fn uncovered_camera_relocalises_or_begins_a_submap() {
     let mut config = config();
     config.tracking.new_submap_seconds = 0.33;
     let covered = || {

@@ -17,7 +17,7 @@ fn shifted(mut frames: Vec<RgbdFrame>, seconds: f64) -> Vec<RgbdFrame> {
 }
 
 #[test]
-fn frames_that_come_twice_change_nothing() {
+fn repeated_frames_change_nothing() {
     let mut session = Session::new(room(), config());
     let mut frames = Vec::new();
     for frame in room().play(0..130) {
@@ -44,7 +44,7 @@ fn frames_that_come_twice_change_nothing() {
 }
 
 #[test]
-fn frames_out_of_order_are_left_out_and_change_nothing_else() {
+fn out_of_order_frames_are_dropped_without_side_effects() {
     let mut frames = room().play(0..70);
     frames.swap(20, 21);
     frames[40..44].reverse();
@@ -67,7 +67,7 @@ fn frames_out_of_order_are_left_out_and_change_nothing_else() {
 }
 
 #[test]
-fn a_gap_of_two_seconds_is_bridged() {
+fn two_second_gap_is_bridged() {
     let mut session = Session::new(room(), config());
     session.feed(room().play(0..60));
     let before = session.view();
@@ -83,7 +83,7 @@ fn a_gap_of_two_seconds_is_bridged() {
 }
 
 #[test]
-fn a_clock_that_jumps_costs_at_most_one_frame() {
+fn clock_jump_loses_at_most_one_frame() {
     for jump in [-3600.0, -0.1, 0.5, 86400.0] {
         let mut session = Session::new(room(), config());
         session.feed(room().play(0..50));
@@ -100,7 +100,7 @@ fn a_clock_that_jumps_costs_at_most_one_frame() {
 
 /// State with stamps of the old clock must be dropped.
 #[test]
-fn a_clock_that_jumps_back_does_not_silence_the_detector() {
+fn detector_works_after_a_backward_clock_jump() {
     let people = Recording::new("walking_xyz", 40..80, small(267.5));
     let with_objects = |jump: f64| {
         // The detector's script uses the original stamps.
@@ -141,7 +141,7 @@ impl stillpoint_detection::Detector for Shifted {
 
 /// A covered camera whose clock is set back, uncovered far away in the same room.
 #[test]
-fn a_clock_that_jumps_back_while_the_camera_is_lost_does_not_keep_it_lost() {
+fn lost_camera_relocalises_after_a_backward_clock_jump() {
     let found_after = |jump: f64| {
         let mut session = Session::new(walk(), config());
         session.feed(walk().play(0..60));
@@ -164,7 +164,7 @@ fn a_clock_that_jumps_back_while_the_camera_is_lost_does_not_keep_it_lost() {
 }
 
 #[test]
-fn frames_that_do_not_fit_the_camera_are_refused() {
+fn frames_not_matching_the_camera_are_refused() {
     let mut session = Session::new(room(), config());
     let mut frames = room().play(0..20);
     frames[10].gray = GrayImage::new(640, 480);
@@ -179,7 +179,7 @@ fn frames_that_do_not_fit_the_camera_are_refused() {
 
 /// The live driver refuses the same frames; they are not logged, and a replay of all frames skips them.
 #[test]
-fn a_live_run_refuses_what_an_inline_run_does() {
+fn live_run_refuses_the_same_frames_as_inline() {
     let mut frames = room().play(0..40);
     frames.swap(20, 21);
     let twice: Vec<RgbdFrame> = frames.into_iter().flat_map(|f| [f.clone(), f]).collect();

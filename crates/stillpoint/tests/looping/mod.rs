@@ -101,7 +101,7 @@ fn hold(sequence: &str, error_mm: f64, run: &Run) {
 /// A walk through two rooms at every fourth frame: without looping, and with corrections a second late, applied to a
 /// map that has grown since. Slow, since the loop is at the end of the walk.
 #[test]
-fn a_walk_through_two_rooms_closes() {
+fn walk_through_two_rooms_closes_its_loop() {
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "loop_two_rooms".into(),
         ..SimulatorConfig::default()
@@ -139,7 +139,7 @@ fn a_walk_through_two_rooms_closes() {
 /// A fast walk with turns up to 220 degrees per second, at every third frame: its loop is found and correct. Control:
 /// without looping the drift stays.
 #[test]
-fn a_walk_in_haste_closes() {
+fn fast_walk_closes_its_loop() {
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "loop_in_haste".into(),
         ..SimulatorConfig::default()
@@ -171,7 +171,7 @@ const EVERY: usize = 4;
 /// Two runs with a loop give the same bytes, also with other kernels.
 #[test]
 #[ignore = "two minutes; `lab loops` compares runs on recordings too"]
-fn a_run_with_a_loop_gives_the_same_bytes_twice() {
+fn run_with_a_loop_is_deterministic() {
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "loop_two_rooms".into(),
         ..SimulatorConfig::default()

@@ -60,7 +60,7 @@ fn nees(error: &Vec6, covariance: &Mat6) -> f64 {
 /// Errors against the truth, absolute and between frames, are within a factor of 2 of the standard deviations. While a
 /// motion hypothesis is undecided, the covariance is larger.
 #[test]
-fn poses_are_about_as_good_as_their_covariance_says() {
+fn pose_errors_match_the_stated_covariance() {
     // Pooled over seeds: a single one gives the factor to a twentieth.
     let (mut world, mut steps) = (Vec::new(), Vec::new());
     for seed in 0..3 {
@@ -166,7 +166,7 @@ fn after(mut system: System, others: impl Iterator<Item = (GrayImage, DepthImage
 }
 
 #[test]
-fn a_covered_lens_is_reported_and_so_is_light_and_a_blank_wall() {
+fn dark_dazzled_and_blank_images_are_reported() {
     let last = |level: u8| {
         let health = after(system(), (0..7).map(|_| (flat(level), no_depth())));
         (health.loss.unwrap().cause, health.to_string())
@@ -211,7 +211,7 @@ fn missing_depth_is_reported() {
 }
 
 #[test]
-fn a_wall_of_people_is_reported_where_they_were_detected() {
+fn crowd_is_reported_as_cause_only_if_detected() {
     let wall = || (0..6).map(people);
     let script = (5..11).map(|i| ScriptRow {
         stamp: f64::from(i) * PERIOD,

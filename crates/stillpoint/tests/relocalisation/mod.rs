@@ -176,7 +176,7 @@ impl Run {
 }
 
 #[test]
-fn a_camera_that_comes_back_to_a_known_place_is_found_at_once() {
+fn returning_camera_relocalises_at_once() {
     let simulator = simulator("loop_two_rooms", 200);
     // Every other frame: 1.8 m/s.
     let play = Play::frames((0..200).step_by(2)).covered(30).then(20..40);
@@ -198,7 +198,7 @@ fn a_camera_that_comes_back_to_a_known_place_is_found_at_once() {
 /// Two rooms with equal furniture: no loop is closed between them, and a camera that is blind for a moment, at the
 /// worst place, gets lost rather than relocalised in the other room.
 #[test]
-fn equal_rooms_are_not_taken_for_each_other() {
+fn identical_rooms_are_not_confused() {
     let simulator = simulator("equal_rooms", 824);
     let play = Play::frames((0..780).step_by(4))
         .covered(3)
@@ -225,7 +225,7 @@ fn equal_rooms_are_not_taken_for_each_other() {
 }
 
 #[test]
-fn a_new_submap_is_begun_elsewhere_and_joined_when_the_camera_comes_back() {
+fn new_submap_is_joined_on_return() {
     let simulator = simulator("loop_two_rooms", 230);
     // The lens is covered, uncovered in an unknown place, and the camera returns.
     let covered = Play::frames((0..60).step_by(2)).covered(5);
@@ -251,7 +251,7 @@ fn a_new_submap_is_begun_elsewhere_and_joined_when_the_camera_comes_back() {
 }
 
 #[test]
-fn a_map_that_is_only_read_gives_poses_and_does_not_grow() {
+fn localize_mode_gives_poses_without_growing_the_map() {
     let simulator = simulator("xyz", 120);
     let made = run(&simulator, &Config::default(), &Play::frames(0..80));
     let bytes = made.system.map().to_bytes(&[]).unwrap();
@@ -290,7 +290,7 @@ fn a_map_that_is_only_read_gives_poses_and_does_not_grow() {
 }
 
 #[test]
-fn a_map_is_resumed() {
+fn saved_map_is_resumed() {
     let simulator = simulator("loop_two_rooms", 140);
     let made = run(&simulator, &Config::default(), &Play::frames(0..60));
     let keyframes = made.system.view().keyframe_count();
@@ -316,7 +316,7 @@ fn a_map_is_resumed() {
 
 /// Slow: a map reaches 50 keyframes only after some hundred frames, and there is a run without the limit too.
 #[test]
-fn a_map_with_a_limit_stays_useful() {
+fn map_with_a_keyframe_limit_stays_accurate() {
     let simulator = simulator("loop_two_rooms", 420);
     let play = Play::frames((0..420).step_by(3)).then((0..420).rev().step_by(3));
     let walk = |max_keyframes: usize| {
@@ -350,7 +350,7 @@ fn a_map_with_a_limit_stays_useful() {
 }
 
 #[test]
-fn two_maps_become_one_where_they_overlap() {
+fn overlapping_maps_are_joined() {
     let simulator = simulator("loop_two_rooms", 130);
     let map = |frames: std::ops::Range<usize>| {
         let play = Play::frames(frames.step_by(2));

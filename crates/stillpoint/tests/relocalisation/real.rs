@@ -75,13 +75,13 @@ fn ate_mm(system: &System, truth: &[StampedPose]) -> f64 {
 
 /// The second half of a recording, a second of darkness, and the first half.
 #[test]
-fn a_kidnapped_camera_is_found_within_a_second() {
+fn kidnapped_camera_relocalises_within_a_second() {
     kidnap(0);
 }
 
 #[test]
 #[ignore = "four minutes"]
-fn other_seeds_are_within_the_same_bounds() {
+fn other_seeds_meet_the_same_bounds() {
     for seed in 1..5 {
         println!("seed {seed}");
         kidnap(seed);
@@ -131,7 +131,7 @@ fn kidnap(seed: u64) {
 
 /// People walk through a room mapped without them.
 #[test]
-fn a_map_serves_when_people_walk_there() {
+fn map_is_usable_with_people_walking() {
     walk_in_map(0);
 }
 

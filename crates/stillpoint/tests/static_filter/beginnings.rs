@@ -63,7 +63,7 @@ fn online(run: &Run) -> Vec<TimedPose> {
 }
 
 #[test]
-fn nothing_is_undecided_for_long_where_nothing_moves() {
+fn static_scenes_are_decided_within_a_second() {
     let camera = Camera::pinhole(320, 240, [262.5, 262.5, 159.5, 119.5]);
     for scene in ["xyz", "rpy", "static", "halfsphere"] {
         let recording = Recording::with_camera(scene, 0..40, 0.0, camera);
@@ -79,7 +79,7 @@ fn nothing_is_undecided_for_long_where_nothing_moves() {
 
 /// For half a second the camera's pose follows people.
 #[test]
-fn a_beginning_that_rode_on_somebody_is_posed_again() {
+fn start_that_followed_a_person_is_corrected() {
     let recording = crowd(80);
     let run = run(&recording, Preset::Default);
     let (then, now) = (
@@ -115,7 +115,7 @@ fn a_beginning_that_rode_on_somebody_is_posed_again() {
 /// If the stream ends before the beginning is tracked again, this is done at the end: at 1.5 s the backward tracking
 /// has not begun, at 2 s it is in progress.
 #[test]
-fn a_beginning_is_posed_again_where_the_stream_ends_on_the_way() {
+fn start_is_corrected_if_the_stream_ends_early() {
     for frames in [60, 45] {
         let recording = crowd(frames);
         let stages = || Stages::new(with(Preset::Default), recording.camera, Simd::detect());

@@ -28,7 +28,7 @@ fn bytes(run: &Run) -> Vec<u64> {
 }
 
 #[test]
-fn the_same_bytes_twice_and_without_simd() {
+fn results_are_identical_twice_and_without_simd() {
     let recording = Recording::simulated("walking_rpy", 40..75, 0.3);
     let run = |simd, preset, delay| {
         let mut config = with(preset);

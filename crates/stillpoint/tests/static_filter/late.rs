@@ -56,7 +56,7 @@ fn late_detections_are_propagated_forward() {
 }
 
 #[test]
-fn a_detector_that_looks_at_every_fifth_frame_is_enough() {
+fn detector_on_every_fifth_frame_suffices() {
     let recording = &CROSSING;
     let mut config = late(3);
     config.detector.stride = 5;
@@ -82,7 +82,7 @@ fn unused(run: &Run) -> (u32, u32) {
 }
 
 #[test]
-fn detections_that_cannot_be_used_are_counted() {
+fn unusable_detections_are_counted() {
     // The history is 3.2 s long, 96 frames: of 104 frames the answers to the first four arrive 100 frames late.
     let mut recording = Recording::simulated("walking_static", 20..124, 0.3);
     assert_eq!(unused(&recording.run_detected(late(90))), (0, 0));
@@ -118,7 +118,7 @@ fn landmarks_of_first(recording: &Recording, run: &Run) -> (usize, usize) {
 }
 
 #[test]
-fn the_first_keyframe_is_judged_again() {
+fn first_keyframe_is_rejudged_with_late_detections() {
     // A person is visible from the first frame on: only a detector can tell. No person is missed.
     let recording = Recording::simulated("walking_static", 78..84, 0.0);
     let without = recording.run(with(Preset::Default));

@@ -7,7 +7,7 @@ use stillpoint_slam::Preset;
 
 /// Rendered once at the highest rate; lower rates skip frames.
 #[test]
-fn walking_people_are_tracked_past_at_any_frame_rate() {
+fn walking_people_do_not_disturb_any_frame_rate() {
     let config = SimulatorConfig {
         scene: "walking_xyz".to_owned(),
         rate: 60.0,

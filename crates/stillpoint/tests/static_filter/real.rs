@@ -31,7 +31,7 @@ fn boxes(name: &str) -> Vec<ScriptRow> {
 /// Runs with true boxes, also of the published method, which needs a detector. Part of the frames suffices to detect
 /// failures.
 #[test]
-fn people_before_a_desk_and_in_fast_turns_with_true_boxes() {
+fn walkers_recordings_are_tracked_with_true_boxes() {
     for (name, part) in [("fr1_xyz_walkers", 150), ("fr1_rpy_walkers", 120)] {
         let Some(mut recording) = Recording::real(name) else {
             return;
@@ -52,7 +52,7 @@ fn people_before_a_desk_and_in_fast_turns_with_true_boxes() {
 /// People fill the image for a second, with few keypoints and a late map: the drift meanwhile is undone. Without
 /// searching for the map again the error is 84 to 94 mm (docs/decisions/0018).
 #[test]
-fn what_drifted_among_people_is_undone() {
+fn drift_among_people_is_undone() {
     let Some(recording) = Recording::real("fr1_xyz_walkers") else {
         return;
     };
@@ -69,7 +69,7 @@ fn what_drifted_among_people_is_undone() {
 /// rotation are ambiguous, and the camera's momentum decides. Errors with it are 10 to 37 mm, depending on the seed
 /// (docs/decisions/0044).
 #[test]
-fn a_fast_turn_towards_people_is_held_by_the_momentum() {
+fn momentum_resolves_a_fast_turn_towards_people() {
     let Some(mut recording) = Recording::real("fr1_rpy_walkers") else {
         return;
     };

@@ -88,23 +88,23 @@ fn bounds(recall: f64, kept: f64) -> Bounds {
 }
 
 #[test]
-fn walking_xyz_is_tracked_past_walking_people() {
+fn walking_xyz_scene_is_within_bounds() {
     let recording = holds("walking_xyz", &bounds(0.77, 0.95));
     as_published("walking_xyz", &recording);
 }
 
 #[test]
-fn walking_static_is_tracked_past_walking_people() {
+fn walking_static_scene_is_within_bounds() {
     holds("walking_static", &bounds(0.84, 0.95));
 }
 
 #[test]
-fn walking_rpy_is_tracked_past_walking_people() {
+fn walking_rpy_scene_is_within_bounds() {
     holds("walking_rpy", &bounds(0.82, 0.95));
 }
 
 #[test]
-fn walking_halfsphere_is_tracked_past_walking_people() {
+fn walking_halfsphere_scene_is_within_bounds() {
     let scene = "walking_halfsphere";
     let recording = Recording::simulated(scene, 0..FRAMES, 0.3);
     held(scene, &recording, &bounds(0.79, 0.89));
@@ -119,12 +119,12 @@ fn walking_halfsphere_is_tracked_past_walking_people() {
 }
 
 #[test]
-fn a_carried_box_is_as_good_as_its_carrier() {
+fn carried_box_is_filtered_like_its_carrier() {
     holds("box_carried", &bounds(0.88, 0.94));
 }
 
 #[test]
-fn people_who_sit_cost_nothing() {
+fn sitting_people_do_not_reduce_accuracy() {
     let scene = "sitting_xyz";
     let recording = Recording::simulated(scene, 0..FRAMES, 0.3);
     let off = recording.run(with(Preset::Off));

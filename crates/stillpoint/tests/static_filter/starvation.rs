@@ -6,7 +6,7 @@ use stillpoint_geometry::Camera;
 use stillpoint_slam::Preset;
 
 #[test]
-fn people_who_fill_the_view_lose_no_frame() {
+fn people_filling_the_view_lose_no_frame() {
     // A longer lens: at their closest the people fill almost three quarters of the image.
     let camera = Camera::pinhole(640, 480, [750.0, 750.0, 319.5, 239.5]);
     let recording = Recording::with_camera("walking_xyz", 30..90, 0.3, camera);
@@ -28,7 +28,7 @@ fn people_who_fill_the_view_lose_no_frame() {
 }
 
 #[test]
-fn a_box_over_the_whole_image_loses_no_frame() {
+fn box_over_the_whole_image_loses_no_frame() {
     // A detector that takes the room for a person, from the first frame on.
     let mut recording = Recording::simulated("xyz", 0..40, 0.3);
     assert!(recording.script.is_empty());
@@ -57,7 +57,7 @@ fn a_box_over_the_whole_image_loses_no_frame() {
 }
 
 #[test]
-fn the_guard_releases_as_many_as_it_says() {
+fn released_features_match_the_reported_count() {
     let recording = Recording::simulated("walking_static", 70..100, 0.3);
     let mut config = with(Preset::Default);
     config.static_filter.min_features = 1000;

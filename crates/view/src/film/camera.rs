@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_to_be_seen_fills_the_panel() {
+    fn viewpoint_fits_the_scene_to_the_panel() {
         let cut: Vec<Vec3> = (0..1000)
             .map(|i| {
                 Vec3::new(
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_see_is_no_failure() {
+    fn empty_scene_gives_a_valid_viewpoint() {
         let view = Viewpoint::fitting(&[], &[], (&Vec3::zeros(), &Vec3::zeros()), (40, 30));
         assert!(view.eye.iter().all(|c| c.is_finite()));
         let down = Viewpoint::fitting(&[], &[Vec3::x()], (&Vec3::z(), &-Vec3::z()), (40, 30));

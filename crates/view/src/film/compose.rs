@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn trajectories_grow_beside_the_view() {
+    fn trajectories_grow_over_time() {
         let far = Colour::RIGID;
         let tracks = [
             track("truth", Colour::WHITE, 0.1),
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_legend_takes_more_lines() {
+    fn long_legend_takes_more_lines() {
         let lines = |n: usize| {
             let name = |i: usize| format!("system {i}");
             let tracks: Vec<Track> = (0..n)

@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn a_webp_shows_every_picture_and_the_last_one_longer() {
+    fn webp_contains_every_picture_and_holds_the_last() {
         let options = MovieOptions {
             rate: 10.0,
             quality: 80.0,
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gif_shows_them_too() {
+    fn gif_contains_every_picture() {
         let options = MovieOptions {
             rate: 10.0,
             quality: 80.0,

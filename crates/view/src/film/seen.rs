@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_wall_is_there_since_it_was_looked_at_and_what_is_hidden_later() {
+    fn surface_points_appear_when_first_visible() {
         let camera = Camera::pinhole(64, 48, [60.0, 60.0, 31.5, 23.5]);
         let wall = |z: f32| DepthImage::from_vec(16, 12, vec![z; 16 * 12]).unwrap();
         let looks: Vec<Look> = [1.0, 2.0, 1.0]

@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_appear_in_their_picture_and_hide_what_is_behind() {
+    fn triangles_appear_in_order_and_occlude() {
         let (floor, red) = square(1.0, [200, 0, 0]);
         let (top, blue) = square(0.5, [0, 0, 200]);
         let positions = [floor, top].concat();

@@ -160,7 +160,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whoever_asks_whenever_knows_what_there_is(steps in prop::collection::vec(step(), 1..200), remembered in 0..6_usize) {
+        fn readers_reconstruct_the_state_at_any_version(steps in prop::collection::vec(step(), 1..200), remembered in 0..6_usize) {
             let mut ledger = Ledger { remembered, ..Ledger::default() };
             let mut readers = vec![(0, BTreeMap::new()); 3];
             let mut now = 0;
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_is_told_only_what_changed() {
+    fn reader_gets_only_changes() {
         let mut ledger = Ledger::default();
         (0..1000).for_each(|n| ledger.set(1, n, n));
         ledger.set(2, 7, 70);

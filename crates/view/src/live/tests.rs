@@ -148,7 +148,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
-    fn readers_know_the_same_however_seldom_they_ask(
+    fn readers_converge_at_any_polling_rate(
         follows in prop::collection::vec(any::<bool>(), 1..8),
         asks in prop::collection::vec(prop::collection::vec(any::<bool>(), 1..9), 3),
         most in prop_oneof![Just(12_usize), Just(18_000)],
@@ -167,7 +167,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_told_in_the_end_is_the_map_and_the_way() {
+fn final_update_contains_map_and_trajectory() {
     let mut page = page();
     let reader = told(&mut page, &[true], &[vec![true]]).remove(0);
     let view = &walk().view;
@@ -199,7 +199,7 @@ fn what_is_told_in_the_end_is_the_map_and_the_way() {
 }
 
 #[test]
-fn a_reader_who_knows_all_is_told_little() {
+fn up_to_date_reader_gets_a_small_update() {
     let mut page = page();
     let reader = told(&mut page, &[true], &[vec![true]]).remove(0);
     let all = serde_json::to_string(&page.since(0)).unwrap().len();
@@ -210,7 +210,7 @@ fn a_reader_who_knows_all_is_told_little() {
 }
 
 #[test]
-fn a_surface_is_told_once_and_to_whoever_comes_later() {
+fn surface_is_sent_once_per_reader() {
     let mut page = page();
     let before = page.since(0).version;
     assert!(page.since(0).surface.is_none());
@@ -228,7 +228,7 @@ fn a_surface_is_told_once_and_to_whoever_comes_later() {
 }
 
 #[test]
-fn a_latency_is_that_of_its_frame() {
+fn latencies_are_assigned_to_their_frames() {
     let mut page = page();
     for event in &walk().events {
         if let Some(frame) = event.as_frame() {
@@ -249,7 +249,7 @@ fn a_latency_is_that_of_its_frame() {
 }
 
 #[test]
-fn a_map_that_was_there_before_is_shown_before_the_first_frame() {
+fn initial_map_is_shown_before_the_first_frame() {
     let mut page = page();
     page.begin_with(Arc::clone(&walk().view));
     page.follow_map(false);
@@ -259,7 +259,7 @@ fn a_map_that_was_there_before_is_shown_before_the_first_frame() {
 }
 
 #[test]
-fn the_page_asks_for_its_own_events_and_nothing_else() {
+fn page_requests_only_its_own_events() {
     let html = to_html("a <b>");
     assert!(html.contains("<title>a &lt;b> - Stillpoint</title>"));
     assert!(html.contains("default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; connect-src 'self'"));
@@ -272,7 +272,7 @@ fn the_page_asks_for_its_own_events_and_nothing_else() {
 }
 
 #[test]
-fn of_the_map_the_newest_version_alone_is_held() {
+fn only_the_newest_map_version_is_held() {
     let mut page = LivePage::new(About::default());
     let mut given = Vec::new();
     for event in &walk().events {

@@ -239,7 +239,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn corners_of_a_surface_survive_to_a_tenth_of_a_millimetre() {
+    fn surface_vertices_are_encoded_to_a_tenth_of_a_millimetre() {
         let positions = [[-1.25, 0.5, 2.0], [3.0, 0.5, 1.0], [0.3, 0.5, 7.7]];
         let colours = [[1, 2, 3], [40, 50, 60], [255, 0, 7]];
         let triangles = [[0, 1, 2], [0, 1, 70_000]];

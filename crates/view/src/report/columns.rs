@@ -108,7 +108,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn numbers_survive(a: Vec<f32>, b: Vec<u16>) {
+        fn columns_round_trip(a: Vec<f32>, b: Vec<u16>) {
             let text = serde_json::to_string(&(Column(a.clone()), Column(b.clone()))).unwrap();
             let (back, other): (Column<f32>, Column<u16>) = serde_json::from_str(&text).unwrap();
             let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_are_one_text() {
+    fn piecewise_encoding_equals_one_text() {
         for count in [0, 1, 767, 768, 769, 2000] {
             let column: Column<u16> = (0..count).map(|i| (i as u16).wrapping_mul(77)).collect();
             let mut bytes = Vec::new();
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_off_is_refused() {
+    fn truncated_columns_are_refused() {
         let read = serde_json::from_str::<Column<f32>>;
         assert_eq!(read("\"AACAPw==\"").unwrap().0, [1.0]);
         let error = read("\"AACA\"").unwrap_err().to_string();

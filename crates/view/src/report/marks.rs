@@ -52,7 +52,7 @@ mod tests {
     use stillpoint_slam::RevokeReport;
 
     #[test]
-    fn what_is_told_by_keyframes_is_marked_at_their_frames() {
+    fn keyframe_events_are_marked_at_their_frames() {
         let [first, last] = [1000, 1012].map(KeyframeId);
         let report = RevokeReport {
             first,

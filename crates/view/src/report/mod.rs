@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_page_gives_back_what_it_was_made_of() {
+    fn report_page_round_trips() {
         let run = RunData {
             name: "a </script> & \"b\"".to_owned(),
             summary: serde_json::json!({"frames": 3, "input": "</script><b>"}),
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_report_is_refused() {
+    fn invalid_report_pages_are_refused() {
         for page in [
             "",
             "<html>",
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_fetches_nothing() {
+    fn report_page_fetches_nothing() {
         let page = to_html(&[RunData::default()]);
         for what in [
             "http://",

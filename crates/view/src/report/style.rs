@@ -106,13 +106,13 @@ mod tests {
     }
 
     #[test]
-    fn black_and_white_are_as_far_apart_as_wcag_says() {
+    fn contrast_matches_wcag() {
         assert!((contrast(Colour::BLACK, Colour::WHITE) - 21.0).abs() < 1e-9);
         assert!((contrast(of(0x77_7777), Colour::WHITE) - 4.48).abs() < 0.01);
     }
 
     #[test]
-    fn words_and_lines_keep_the_contrast_of_wcag_aa() {
+    fn text_and_lines_meet_wcag_aa_contrast() {
         for which in 0..2 {
             let hold = |(front, a): Ink, (back, b): Ink, least: f64| {
                 let found = contrast(a[which], b[which]);
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_has_every_colour_that_its_code_asks_for() {
+    fn page_defines_every_colour_used_by_its_code() {
         let css = style("");
         let code = super::super::SCRIPTS.join("\n") + super::super::STYLE + super::super::REPORT;
         let code = code + &super::super::LIVE.join("\n");

@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn every_size_of_image_has_a_picture() {
+    fn every_image_size_has_a_thumbnail() {
         for (w, h, expected) in [
             (640, 480, (320, 240)),
             (192, 10, (192, 10)),
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn means_are_those_of_squares() {
+    fn thumbnail_pixels_are_block_means() {
         let data: Vec<u8> = (0..8 * 2).map(|i| i * 10).collect();
         assert_eq!(reduced::<1>(&data, 8, 2, 1), (8, 2, data.clone()));
         let wide: Vec<u8> = (0..400 * 2)
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn quality_falls_where_images_are_hard() {
+    fn quality_falls_for_hard_images() {
         let (mut thumbnails, frame) = (Thumbnails::default(), frame(160, 120, true));
         let sizes: Vec<usize> = (0..40).map(|_| thumbnails.make(&frame).len()).collect();
         assert!(sizes[39] < sizes[0], "{sizes:?}");

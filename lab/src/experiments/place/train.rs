@@ -218,7 +218,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_trained_reads_back_and_parts_descriptors_that_differ() {
+    fn trained_vocabulary_separates_descriptor_clusters() {
         let mut random = Random(7);
         let [low, high] = [0, u64::MAX].map(|base| {
             // A centre with a random bit flipped in each word.

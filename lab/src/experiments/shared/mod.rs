@@ -176,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn results_come_in_the_order_of_seeds_and_the_first_error_ends_all() {
+    fn results_keep_seed_order_and_errors_are_returned() {
         let slow_first = |seed: u64| {
             std::thread::sleep(std::time::Duration::from_millis(20 - 2 * seed));
             Ok(10 * seed)

@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_kept_by_the_span_around() {
+    fn times_are_summed_by_enclosing_span() {
         take();
         tracing::subscriber::with_default(Spans::Clock, || {
             for _ in 0..2 {

@@ -251,7 +251,7 @@ mod tests {
     use crate::bench::runner::Spread;
 
     #[test]
-    fn runs_have_seeds_of_their_own() {
+    fn runs_have_consecutive_seeds() {
         assert_eq!(seeds(7, 3), [7, 8, 9]);
         assert_eq!(seeds(i64::MAX as u64, 2), [i64::MAX as u64, 0]);
     }
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_own_filter_has_to_keep_all_frames() {
+    fn only_the_default_filter_must_keep_all_frames() {
         assert_eq!(status(&rows(Variant::None, Some(0.5), true)), Status::Ok);
         assert_eq!(status(&rows(Variant::Default, Some(1.0), true)), Status::Ok);
         assert_eq!(

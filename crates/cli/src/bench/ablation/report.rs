@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_frame_shows() {
+    fn percentage_is_rounded_down() {
         assert_eq!(floor_percent(0.999), 99.0);
         assert_eq!(floor_percent(1.0), 100.0);
     }

@@ -86,7 +86,7 @@ mod tests {
     use crate::config;
 
     #[test]
-    fn settings_are_those_of_the_configuration() {
+    fn variant_settings_give_the_labelled_configuration() {
         for variant in Variant::ALL {
             let args = ConfigArgs {
                 set: variant.settings(),

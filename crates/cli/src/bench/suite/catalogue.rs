@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_are_known_by_their_names() {
+    fn sequences_are_recognised_by_folder_name() {
         for (folder, expected) in [
             ("rgbd_dataset_freiburg3_walking_xyz", Some("walking_xyz")),
             ("RGBD_dataset_freiburg3_walking-xyz", Some("walking_xyz")),
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn every_sequence_is_listed_once() {
+    fn catalogue_lists_every_sequence_once() {
         for suite in [Suite::TumDynamic, Suite::Bonn] {
             let all = suite.sequences();
             for (i, known) in all.iter().enumerate() {
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ablation_is_known_by_folder_and_by_scene() {
+    fn published_ablation_is_found_by_folder_and_scene() {
         for known in Suite::TumDynamic.sequences() {
             let ablated = published_ablation(&format!("rgbd_dataset_freiburg3_{}", known.name));
             assert_eq!(ablated, published_ablation(&format!("sim:{}", known.name)));

@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn sequences_are_found_at_every_depth_down_to_three() {
+    fn sequences_are_found_up_to_depth_three() {
         let dir = tempfile::tempdir().unwrap();
         let root = dir.path();
         sequence(root, "rgbd_dataset_freiburg3_walking_xyz");
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_without_sequences_is_refused_with_an_example() {
+    fn folder_without_sequences_is_refused_with_an_example() {
         let dir = tempfile::tempdir().unwrap();
         sequence(dir.path(), "fr3_walking_xyz");
         let e = find(Suite::Bonn, &[dir.path().to_owned()]).unwrap_err();

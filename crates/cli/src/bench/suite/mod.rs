@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn the_status_is_that_of_what_was_found() {
+    fn status_depends_only_on_the_sequences_found() {
         let good = || row(State::Ran, vec![case(AS_SET, Some(1.0), true)]);
         let missing = || row(State::NotFound, Vec::new());
         let failed = || row(State::Failed, vec![case(AS_SET, None, false)]);

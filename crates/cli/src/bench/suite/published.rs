@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn every_figure_has_a_source_that_is_listed() {
+    fn every_published_figure_has_a_listed_source() {
         for errors in [&TUM, &BONN] {
             let text = sources(errors.systems(), errors.tables);
             for (sequence, systems) in rows(errors) {
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn every_system_that_is_compared_has_a_row_by_its_name() {
+    fn compared_systems_have_named_rows() {
         let names = |errors: &Errors, sequence| -> Vec<&'static str> {
             errors.of(sequence).iter().map(|p| p.system).collect()
         };
@@ -353,7 +353,7 @@ mod tests {
 
     /// Without its parts the published system is ORB-SLAM2; with all of them it is the one of the other table.
     #[test]
-    fn the_ablation_begins_and_ends_where_the_table_stands() {
+    fn ablation_ends_match_the_published_table() {
         for ablated in ABLATED {
             let table = TUM.of(ablated.recording);
             for (row, k) in [(table.first(), 0), (table.last(), 4)] {

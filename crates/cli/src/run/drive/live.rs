@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_detector_that_hangs_or_panics_costs_only_what_it_would_have_said() {
+    fn hanging_or_panicking_detector_loses_only_detections() {
         // The run continues once the detector hangs, so that giving up on it needs no waiting time.
         static HANGS: OnceLock<()> = OnceLock::new();
         let hang = || {
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_that_stops_growing_leaves_poses_and_a_log() {
+    fn mapping_failure_keeps_poses_and_log() {
         let session = run(
             || {},
             |stage| {

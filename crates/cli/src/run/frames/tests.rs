@@ -51,7 +51,7 @@ fn frames() -> Frames {
 }
 
 #[test]
-fn losses_have_a_reason_a_length_and_an_end() {
+fn losses_have_reason_duration_and_end() {
     let lost = frames().lost();
     let listed: Vec<_> = lost
         .iter()
@@ -72,7 +72,7 @@ fn losses_have_a_reason_a_length_and_an_end() {
 
 /// Images, pages and `frames.csv` share their wording.
 #[test]
-fn words_are_those_of_the_reports() {
+fn frame_states_use_the_report_wording() {
     let carried = Outcome::Carried { since: FrameId(8) };
     let mut reports = [
         report(0, Outcome::Initialised, Some(0), 200),
@@ -98,7 +98,7 @@ fn words_are_those_of_the_reports() {
 }
 
 #[test]
-fn states_follow_what_became_of_the_frames_later() {
+fn frame_states_follow_later_corrections() {
     let mut frames = Frames::default();
     for i in 0..4 {
         let outcome = match i {
@@ -142,7 +142,7 @@ fn states_follow_what_became_of_the_frames_later() {
 }
 
 #[test]
-fn stretches_that_stand_still_are_counted_and_said() {
+fn standstill_stretches_are_counted_and_reported() {
     let mut frames = Frames::default();
     for i in 0..9 {
         let mut report = report(i, Outcome::Tracked, Some(0), 100);
@@ -177,7 +177,7 @@ fn stretches_that_stand_still_are_counted_and_said() {
 }
 
 #[test]
-fn every_frame_has_a_line() {
+fn frame_table_has_a_line_per_frame() {
     let csv = frames().to_csv(&Trajectory::default(), &MapView::default());
     let lines: Vec<&str> = csv.lines().collect();
     assert_eq!(lines.len(), 9);

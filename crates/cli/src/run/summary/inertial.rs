@@ -124,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_line_says_how_far_the_sensor_is_believed() {
+    fn inertial_summary_line_shows_state_and_calibration() {
         let json = InertialJson {
             state: "confirmed".into(),
             carried_frames: 8,

@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_line_says_how_far_odometry_is_believed() {
+    fn odometry_summary_line_shows_state_and_counts() {
         let mut json = OdometryJson {
             state: "confirmed".into(),
             samples: 500,

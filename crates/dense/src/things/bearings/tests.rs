@@ -90,7 +90,7 @@ fn found(xs: &[f64], chair: impl Fn(usize) -> [f64; 2], wall: Option<f64>) -> Op
 const PASSING: [f64; 7] = [-0.5, -0.35, -0.2, 0.0, 0.15, 0.3, 0.45];
 
 #[test]
-fn a_black_chair_is_where_its_boxes_say() {
+fn chair_without_depth_is_located_by_its_boxes() {
     let chair = [0.3, 2.6];
     let middle = found(&PASSING, |_| chair, None).unwrap();
     let off = (middle.xy() - Vec2::from(chair)).norm();
@@ -98,7 +98,7 @@ fn a_black_chair_is_where_its_boxes_say() {
 }
 
 #[test]
-fn boxes_that_do_not_agree_say_nothing() {
+fn inconsistent_boxes_give_no_position() {
     let two = |i: usize| [if i.is_multiple_of(2) { -0.4 } else { 0.5 }, 2.6];
     assert!(found(&PASSING, two, None).is_none());
     // From a single place only the usual size gives the distance, which is not accepted.
@@ -107,14 +107,14 @@ fn boxes_that_do_not_agree_say_nothing() {
 }
 
 #[test]
-fn what_is_seen_through_is_no_chair() {
+fn object_seen_through_is_rejected() {
     assert!(found(&PASSING, |_| [0.3, 2.6], Some(4.0)).is_none());
     // Control: a surface at its place.
     assert!(found(&PASSING, |_| [0.3, 2.6], Some(2.6)).is_some());
 }
 
 #[test]
-fn slopes_are_those_of_errors() {
+fn border_derivatives_match_differences() {
     let grid = Grid::new(&Camera::pinhole(640, 480, [525.0, 525.0, 320.0, 240.0]));
     let look = look(&grid, &pose(0.2, 0.1), [200.0, 100.0, 330.0, 380.0], 0);
     let placed = Placed::at(&look, &grid, pose(0.2, 0.1));

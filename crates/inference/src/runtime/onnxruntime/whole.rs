@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_is_that_of_the_last_segment_or_section() {
+    fn file_end_is_that_of_the_last_segment_or_section() {
         let mut head = header();
         assert_eq!(promised(&head), Some(2000 + 3 * 64));
         head[60] = 0;
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn other_formats_say_nothing() {
+    fn other_formats_give_no_file_end() {
         for head in [
             &b""[..],
             b"MZ",
@@ -110,7 +110,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_header_is_too_odd(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+        fn any_elf_header_is_handled(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
             let mut head = header();
             for (byte, new) in head.iter_mut().skip(6).zip(bytes) {
                 *byte = new;

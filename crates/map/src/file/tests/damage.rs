@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 proptest! {
     #[test]
-    fn no_bit_can_change_unseen(seed: u64, at: prop::sample::Index, flip in 1u8..) {
+    fn any_changed_byte_is_detected(seed: u64, at: prop::sample::Index, flip in 1u8..) {
         let mut bytes = random_map(seed % 4, 12, 150).to_bytes(&extensions()).unwrap();
         let at = at.index(bytes.len());
         bytes[at] ^= flip;
@@ -16,7 +16,7 @@ proptest! {
     }
 
     #[test]
-    fn files_without_their_end_and_with_more_are_refused(seed in 0u64..4, at: prop::sample::Index, more in 1usize..9) {
+    fn truncated_or_extended_files_are_refused(seed in 0u64..4, at: prop::sample::Index, more in 1usize..9) {
         let mut bytes = random_map(seed, 12, 150).to_bytes(&[]).unwrap();
         let e = MapFile::from_bytes(&bytes[..at.index(bytes.len())]).unwrap_err();
         let is_length = matches!(e, MapFileError::Length { .. });
@@ -28,7 +28,7 @@ proptest! {
     }
 
     #[test]
-    fn other_bytes_are_refused(mut bytes in prop::collection::vec(any::<u8>(), 0..400), as_map: bool) {
+    fn arbitrary_bytes_are_refused(mut bytes in prop::collection::vec(any::<u8>(), 0..400), as_map: bool) {
         if as_map && bytes.len() >= 32 {
             bytes[..8].copy_from_slice(&container::MAGIC);
             let checksum = crc32fast::hash(&bytes[..24]);
@@ -39,7 +39,7 @@ proptest! {
 }
 
 #[test]
-fn a_file_that_ends_anywhere_is_refused() {
+fn file_truncated_at_any_length_is_refused() {
     let bytes = random_map(3, 2, 60).to_bytes(&extensions()[1..]).unwrap();
     assert!(bytes.len() > 1000, "{} bytes", bytes.len());
     assert_eq!(
@@ -53,7 +53,7 @@ fn a_file_that_ends_anywhere_is_refused() {
 }
 
 #[test]
-fn no_single_bit_can_change_unseen() {
+fn every_single_bit_flip_is_detected() {
     let mut bytes = random_map(3, 2, 60).to_bytes(&extensions()[1..2]).unwrap();
     for at in 0..bytes.len() {
         for bit in 0..8 {
@@ -141,7 +141,7 @@ proptest! {
 
     /// With valid checksums but arbitrary content, a file is rejected, or is a sound map that round-trips.
     #[test]
-    fn damage_behind_the_checksums_is_seen_or_harmless(
+    fn damage_with_valid_checksums_is_refused_or_harmless(
         seed in 0u64..4,
         compress: bool,
         all in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>(), damage()), 1..4),
@@ -167,7 +167,7 @@ proptest! {
     }
 
     #[test]
-    fn packed_bytes_come_back_and_damaged_ones_do_no_harm(
+    fn packed_blocks_round_trip_and_damage_is_harmless(
         mut raw in prop::collection::vec(0u8..6, 0..3000), repeat in 1usize..150, at: prop::sample::Index, flip: u8,
     ) {
         raw = raw.repeat(repeat);
@@ -187,7 +187,7 @@ proptest! {
 
 /// Noise is not compressed, and compressible data is not mistaken for noise.
 #[test]
-fn noise_is_stored_and_everything_else_shrinks() {
+fn noise_is_stored_and_other_data_is_compressed() {
     let random = &mut Random(1);
     let noise: Vec<u8> = (0..300_000).map(|_| random.bits() as u8).collect();
     assert_eq!(blocks::pack(&noise), None);

@@ -209,7 +209,7 @@ pub(super) fn extensions() -> Vec<Extension> {
 }
 
 #[test]
-fn the_maps_of_these_tests_have_everything() {
+fn random_maps_exercise_all_features() {
     let map = random_map(7, 12, 1500);
     let ids = (0..map.view.keyframe_bound() as u32).map(KeyframeId);
     let slots: Vec<_> = ids.map(|id| map.view.keyframe_slot(id)).collect();

@@ -29,7 +29,7 @@ fn put(raw: &mut [Raw], part: Part, at: usize, new: &[u8]) {
 }
 
 #[test]
-fn every_kind_of_nonsense_has_its_message() {
+fn every_invalid_content_has_its_message() {
     let nan = f64::NAN.to_le_bytes();
     // Layout of keyframe records: id, parent, camera, features, stamp, quaternion, translation, submap.
     check(
@@ -120,7 +120,7 @@ fn every_kind_of_nonsense_has_its_message() {
 }
 
 #[test]
-fn merges_that_go_round_are_refused() {
+fn cyclic_merges_are_refused() {
     let mut map = random_map(3, 6, 300);
     for (from, into) in [(0, 1), (1, 2), (2, 0)] {
         map.cull_landmark(LandmarkId::new(from));
@@ -131,7 +131,7 @@ fn merges_that_go_round_are_refused() {
 }
 
 #[test]
-fn a_map_that_could_not_be_read_is_not_written() {
+fn invalid_map_is_not_written() {
     let refuse = |change: fn(&mut Keyframe)| {
         let mut map = random_map(3, 6, 300);
         let id = map.view.keyframes().next().unwrap().id;
@@ -151,7 +151,7 @@ fn a_map_that_could_not_be_read_is_not_written() {
 }
 
 #[test]
-fn maps_of_more_cameras_than_any_run_has_are_not_written() {
+fn map_with_too_many_cameras_is_not_written() {
     let refusal = |cameras: u32| {
         let mut map = random_map(5, 4, 40);
         let one = map.view.keyframes().next().unwrap().clone();
@@ -171,7 +171,7 @@ fn maps_of_more_cameras_than_any_run_has_are_not_written() {
 }
 
 #[test]
-fn loops_that_were_not_measured_are_refused() {
+fn invalid_loop_sections_are_refused() {
     let map = looped_map(7, 12, 1500);
     assert!(map.view.loops().count() > 5);
     let bytes = map.to_bytes(&[]).unwrap();

@@ -11,7 +11,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn a_map_comes_back_bit_for_bit_and_gives_the_same_bytes(seed: u64, features in 1u32..40, changes in 0u32..400) {
+    fn map_round_trips_bit_for_bit(seed: u64, features in 1u32..40, changes in 0u32..400) {
         let map = random_map(seed, features, changes);
         prop_assert_eq!(map.check(), Ok(()));
         let bytes = map.to_bytes(&extensions()).unwrap();
@@ -22,7 +22,7 @@ proptest! {
     }
 
     #[test]
-    fn loops_come_back_bit_for_bit_and_change_nothing_else(seed: u64, changes in 0u32..400) {
+    fn loops_round_trip_in_a_separate_extension(seed: u64, changes in 0u32..400) {
         let map = looped_map(seed, 6, changes);
         prop_assert_eq!(map.check(), Ok(()));
         let bytes = map.to_bytes(&extensions()).unwrap();
@@ -38,7 +38,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_done_to_a_loaded_map_is_what_would_have_been_done(seed: u64) {
+    fn loaded_map_behaves_like_the_original(seed: u64) {
         let mut map = random_map(seed, 12, 200);
         let mut back = Map::from_bytes(&map.to_bytes(&[]).unwrap()).unwrap();
         for map in [&mut map, &mut back] {
@@ -59,7 +59,7 @@ proptest! {
 }
 
 #[test]
-fn extensions_need_names_of_their_own() {
+fn extensions_need_unique_valid_names() {
     let map = Map::new(8, 1.2);
     let extension = |name: &str| Extension {
         name: name.into(),

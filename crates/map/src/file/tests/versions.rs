@@ -5,7 +5,7 @@ use crate::Map;
 use crate::file::{MapFile, MapFileError, container};
 
 #[test]
-fn later_versions_and_other_files_are_named() {
+fn newer_versions_and_foreign_files_are_reported() {
     let mut bytes = Map::new(8, 1.2).to_bytes(&[]).unwrap();
     bytes[8] = 2;
     let e = MapFile::from_bytes(&bytes).unwrap_err();
@@ -38,7 +38,7 @@ fn later_versions_and_other_files_are_named() {
 const GOLDEN: &[u8] = include_bytes!("../../../tests/data/map-v1.spmap");
 
 #[test]
-fn the_first_file_of_version_1_can_be_read() {
+fn first_version_1_file_can_be_read() {
     let file = MapFile::from_bytes(GOLDEN).unwrap();
     assert_eq!(words(&file.map), words(&random_map(7, 12, 400)));
     assert_eq!(file.extensions, extensions());

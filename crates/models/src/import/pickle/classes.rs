@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_listed_names_are_known() {
+    fn only_listed_classes_are_accepted() {
         for (module, name) in [
             ("os", "system"),
             ("posix", "system"),

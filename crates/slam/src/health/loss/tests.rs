@@ -45,7 +45,7 @@ fn without_numbers(text: &str) -> String {
 proptest! {
     /// Every cause has its own text, one line without surrounding blanks.
     #[test]
-    fn each_cause_has_its_own_text(counts in counts(), moving in 0.5..1.0f64, needed in 10..1000_u32, seconds in 0.0..1e4f64, map in any::<bool>()) {
+    fn loss_causes_have_distinct_texts_and_remedies(counts in counts(), moving in 0.5..1.0f64, needed in 10..1000_u32, seconds in 0.0..1e4f64, map in any::<bool>()) {
         let dark = Look { mean: 3.0, contrast: 1.0, depth: 0.0 };
         let white = Look { mean: 254.0, contrast: 1.0, depth: 0.5 };
         let flat = Look { depth: 0.0, ..FINE };
@@ -68,7 +68,7 @@ proptest! {
 
     /// The reported figures are those of the frame.
     #[test]
-    fn the_counts_are_reported(counts in counts(), needed in 10..1000_u32) {
+    fn loss_text_contains_counts_and_thresholds(counts in counts(), needed in 10..1000_u32) {
         let of = |reason| cause(&Clues { reason, counts: &counts, look: FINE, moving: 0.0, needed }).to_string();
         let reported = [counts.keypoints, counts.with_depth, counts.frame_matches, counts.inliers];
         for (reason, count) in REASONS.iter().zip(reported) {
@@ -80,7 +80,7 @@ proptest! {
 
     /// A black or white image is the cause, whichever tracking step failed.
     #[test]
-    fn what_can_be_seen_comes_first(counts in counts(), reason in prop::sample::select(&REASONS[..]), level in 0..256_u32, moving in 0.0..1.0f64) {
+    fn dark_or_dazzled_image_takes_precedence_as_cause(counts in counts(), reason in prop::sample::select(&REASONS[..]), level in 0..256_u32, moving in 0.0..1.0f64) {
         let look = Look { mean: f64::from(level), contrast: 2.0, depth: 0.5 };
         let found = cause(&Clues { reason, counts: &counts, look, moving, needed: 30 });
         prop_assert_eq!(matches!(found, LossCause::Dark { .. }), f64::from(level) < BLACK);
@@ -89,7 +89,7 @@ proptest! {
 }
 
 #[test]
-fn lines_are_as_in_the_documentation() {
+fn loss_lines_match_the_documentation() {
     let dark = LossCause::Dark {
         keypoints: 3,
         needed: 30,

@@ -35,7 +35,7 @@ fn error(map: &Map) -> f64 {
 }
 
 #[test]
-fn a_loop_brings_its_ends_together_and_merges_what_both_see() {
+fn loop_correction_aligns_its_ends_and_merges_landmarks() {
     let before = error(&come_back(60, Some(19)));
     let (mut map, report) = closed(Some(19));
     assert!(
@@ -52,7 +52,7 @@ fn a_loop_brings_its_ends_together_and_merges_what_both_see() {
 }
 
 #[test]
-fn a_submap_that_is_joined_takes_the_frame_of_reference_of_the_older() {
+fn joined_submap_adopts_the_older_reference_frame() {
     let (map, report) = closed(None);
     let join = report.joined.unwrap();
     assert_eq!((join.submap.0, join.into.0), (20, 0));

@@ -19,7 +19,7 @@ fn edge(old: u32, new: u32, [metres, radians]: [f64; 2]) -> LoopEdge {
 }
 
 #[test]
-fn what_a_path_may_have_drifted_grows_with_its_ties() {
+fn drift_covariance_grows_with_the_number_of_ties() {
     let map = map(12);
     let nodes = || Nodes::new(map.view(), SubmapId(0), SubmapId(0));
     let drift = Drift::new(map.view(), nodes(), &[]);
@@ -37,7 +37,7 @@ fn what_a_path_may_have_drifted_grows_with_its_ties() {
 /// Rotation errors count by their displacement far away: of two loops between the same keyframes the path takes the one
 /// with the worse position and the better rotation.
 #[test]
-fn a_path_weighs_rotation_by_how_far_the_map_reaches() {
+fn path_weights_rotation_by_the_extent_of_the_map() {
     let loops = [edge(0, 9, [0.01, 0.05]), edge(0, 9, [0.05, 0.002])];
     let variance = |reach: f64| {
         let mut map = map(12);
@@ -69,7 +69,7 @@ fn a_path_weighs_rotation_by_how_far_the_map_reaches() {
 }
 
 #[test]
-fn the_cost_of_a_loop_is_in_deviations_of_its_path() {
+fn loop_cost_is_the_mahalanobis_distance_of_its_path() {
     let map = map(12);
     let drift = Drift::new(
         map.view(),

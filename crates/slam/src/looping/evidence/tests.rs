@@ -24,7 +24,7 @@ fn of(landmarks: f64, witnesses: f64, place: f64) -> LoopEvidence {
 const LEAST: f64 = 2.995_732;
 
 #[test]
-fn a_share_of_landmarks_speaks_for_a_place_and_a_poster_against_it() {
+fn landmark_evidence_accepts_places_and_rejects_posters() {
     // A quarter of the expected landmarks, and the same share of fewer.
     assert!(landmarks(100, 400) > 6.0);
     assert!(landmarks(15, 60) > 1.0 && landmarks(15, 60) < landmarks(100, 400));
@@ -43,7 +43,7 @@ fn a_share_of_landmarks_speaks_for_a_place_and_a_poster_against_it() {
 }
 
 #[test]
-fn a_place_where_it_is_expected_is_strong_and_one_elsewhere_is_stronger_against() {
+fn position_evidence_supports_near_and_rejects_far_places() {
     let place = |cost, metres| super::place(cost, &drift(metres, 0.02), 3.0, By::Words);
     // The smaller the drift, the stronger the evidence of an expected position.
     assert!(place(1.0, 0.05) > place(1.0, 0.2) + 2.0 && place(1.0, 0.2) > 3.0);
@@ -60,7 +60,7 @@ fn a_place_where_it_is_expected_is_strong_and_one_elsewhere_is_stronger_against(
 }
 
 #[test]
-fn witnesses_and_looks_count_and_are_bounded() {
+fn witness_and_appearance_evidence_is_bounded() {
     assert_eq!(witnesses(1), 0.0);
     assert!(witnesses(3) > 1.0 && witnesses(20) < 3.0);
     assert!(looks(0.1, 0.02, By::Words) > 1.5);
@@ -71,7 +71,7 @@ fn witnesses_and_looks_count_and_are_bounded() {
 }
 
 #[test]
-fn strong_evidence_of_one_kind_makes_up_for_another() {
+fn strong_evidence_compensates_for_weak_evidence() {
     // Neither an intermediate share of landmarks nor an expected position suffices alone.
     assert!(of(1.0, 0.0, 0.0).log_odds() < LEAST);
     assert!(of(-1.0, 0.0, 5.0).log_odds() < LEAST);
@@ -81,7 +81,7 @@ fn strong_evidence_of_one_kind_makes_up_for_another() {
 }
 
 #[test]
-fn no_landmarks_and_no_witnesses_outweigh_where_a_place_lies() {
+fn position_evidence_outweighs_landmarks_and_witnesses() {
     let equal = of(20.0, 3.0, -9.0);
     assert!(equal.log_odds() < 0.0 && equal.is_elsewhere(LEAST));
     // Without an expected position, an equal place has odds of one in a thousand.

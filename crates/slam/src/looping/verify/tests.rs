@@ -23,7 +23,7 @@ fn verified(again: usize, by: By) -> (Result<Verified, LoopOutcome>, LoopReport)
 }
 
 #[test]
-fn the_motion_between_two_sights_of_the_same_things_is_found() {
+fn verification_recovers_the_relative_pose() {
     let (truth, _) = ends();
     for by in [By::Words, By::Pose] {
         let (found, report) = verified(60, by);
@@ -38,7 +38,7 @@ fn the_motion_between_two_sights_of_the_same_things_is_found() {
 }
 
 #[test]
-fn few_things_measure_a_motion_and_fewer_none() {
+fn too_few_common_points_give_no_rigid_motion() {
     let (found, report) = verified(14, By::Words);
     assert!(
         found.is_ok() && report.inliers >= MIN_INLIERS as u32,

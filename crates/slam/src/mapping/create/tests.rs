@@ -40,14 +40,14 @@ fn made_of(point: Vec3, cameras: [Se3; 2], levels: [u8; 2]) -> Option<Vec3> {
 }
 
 #[test]
-fn a_point_lies_where_the_rays_of_two_keyframes_meet() {
+fn triangulation_recovers_the_point() {
     let point = Vec3::new(0.3, -0.2, 2.0);
     let made = made_of(point, [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)], [0, 0]).unwrap();
     assert!((made - point).norm() < 1e-3, "{made:?}");
 }
 
 #[test]
-fn rays_that_hardly_differ_fix_nothing() {
+fn small_parallax_or_baseline_gives_no_point() {
     let cameras = |baseline| [at(0.0, 0.0, 0.0), at(baseline, 0.0, 0.0)];
     // 0.2 m aside: 5.7 deg at 2 m, 0.6 deg at 20 m.
     let near = Vec3::new(0.1, 0.1, 2.0);
@@ -60,7 +60,7 @@ fn rays_that_hardly_differ_fix_nothing() {
 
 /// A point behind both cameras lies on both rays but contradicts both pixels.
 #[test]
-fn rays_that_part_meet_nowhere() {
+fn diverging_rays_give_no_point() {
     let cameras = [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)];
     let point = Vec3::new(0.1, 0.1, 2.0);
     let made = |px: f32| {
@@ -75,7 +75,7 @@ fn rays_that_part_meet_nowhere() {
 
 /// At equal distances both keyframes see a patch on one level, within the tolerance.
 #[test]
-fn levels_that_distances_do_not_explain_are_a_wrong_match() {
+fn inconsistent_pyramid_levels_reject_a_match() {
     let point = Vec3::new(0.1, 0.1, 2.0);
     let aside = [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)];
     for (levels, fine) in [
@@ -97,7 +97,7 @@ fn levels_that_distances_do_not_explain_are_a_wrong_match() {
 }
 
 #[test]
-fn what_looks_otherwise_or_lies_aside_of_the_line_is_no_match() {
+fn descriptor_and_epipolar_gates_reject_matches() {
     let cameras = [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)];
     let point = Vec3::new(0.1, 0.1, 2.0);
     let seen = |k: usize| flat(point, 7, &cameras[k], 0);
@@ -128,7 +128,7 @@ fn what_looks_otherwise_or_lies_aside_of_the_line_is_no_match() {
 }
 
 #[test]
-fn a_feature_is_matched_once_with_the_one_that_is_most_like_it() {
+fn feature_is_matched_once_with_the_nearest_descriptor() {
     let cameras = [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)];
     // Two points behind each other on one epipolar line of the second keyframe.
     let points = [Vec3::new(0.1, 0.1, 2.0), Vec3::new(0.12, 0.12, 2.4)];
@@ -171,7 +171,7 @@ fn mapper(points: [Vec3; 2], baseline: f64) -> Mapper {
 }
 
 #[test]
-fn triangulated_landmarks_are_seen_by_both_keyframes_and_have_to_prove_themselves() {
+fn triangulated_landmarks_have_two_observers_and_are_young() {
     let points = [Vec3::new(0.3, 0.2, 2.0), Vec3::new(-0.2, -0.1, 2.5)];
     let mut mapper = mapper(points, 0.2);
     assert_eq!(mapper.triangulate(KeyframeId(1)), 2);
@@ -190,7 +190,7 @@ fn triangulated_landmarks_are_seen_by_both_keyframes_and_have_to_prove_themselve
 }
 
 #[test]
-fn depth_makes_landmarks_of_what_nothing_is_known_of() {
+fn unmatched_features_with_depth_become_landmarks() {
     let camera = at(0.5, 0.0, -1.0);
     let mut features: Vec<Feature> = (0..5)
         .map(|i| see(&Vec3::new(0.2 * i as f64, 0.1, 6.0 - i as f64), i, &camera))

@@ -126,7 +126,7 @@ fn median(distances: &[Option<f64>]) -> f64 {
 }
 
 #[test]
-fn lines_are_those_of_the_camera_whatever_most_features_do() {
+fn epipolar_lines_follow_the_camera_not_the_majority() {
     // Four in five move with the person in the box; the camera moves sideways, they move up.
     let scene = Scene::new(60, 240, shift(0.05, 0.0, 0.0), Vec3::new(0.0, -0.06, 0.0));
     let found = scene.distances();
@@ -142,21 +142,21 @@ fn lines_are_those_of_the_camera_whatever_most_features_do() {
 }
 
 #[test]
-fn with_few_features_outside_all_are_asked() {
+fn few_features_outside_boxes_make_all_features_count() {
     // 30 outside do not suffice. All agree on the camera's motion.
     let scene = Scene::new(30, 100, shift(0.05, 0.01, 0.02), Vec3::zeros());
     assert!(worst(&scene.distances()) < 0.01);
 }
 
 #[test]
-fn a_person_who_moves_along_the_lines_obeys_them() {
+fn motion_along_epipolar_lines_is_not_detected() {
     // A limit of the published method, and its reason to add depth.
     let scene = Scene::new(60, 240, shift(0.05, 0.0, 0.0), Vec3::new(0.06, 0.0, 0.0));
     assert!(worst(&scene.distances()) < 0.01);
 }
 
 #[test]
-fn where_no_lines_are_defined_the_rigid_place_decides() {
+fn without_epipolar_lines_the_rigid_distance_is_used() {
     let turn = UnitQuaternion::from_euler_angles(0.01, -0.02, 0.015);
     let rotation = Se3::new(turn, Vec3::zeros());
     for (name, motion) in [("rotation", rotation), ("rest", Se3::identity())] {
@@ -178,7 +178,7 @@ fn where_no_lines_are_defined_the_rigid_place_decides() {
 }
 
 #[test]
-fn without_flow_there_are_no_distances() {
+fn no_flow_gives_no_distances() {
     let mut scene = Scene::new(60, 10, shift(0.05, 0.0, 0.0), Vec3::zeros());
     scene.pairs.clear();
     assert_eq!(scene.distances(), vec![None; 70]);

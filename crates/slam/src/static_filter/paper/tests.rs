@@ -98,7 +98,7 @@ fn in_a_box_the_weight_multiplies_the_distance() {
 }
 
 #[test]
-fn in_a_split_box_only_what_is_deeper_may_be_static() {
+fn in_a_split_box_only_deeper_features_may_be_static() {
     for weight in [PERSON, CHAIR] {
         for distance in [Some(0.0), None] {
             assert!(!dynamic(weight, INSIDE, FAR, distance), "{weight}");
@@ -116,7 +116,7 @@ fn in_a_split_box_only_what_is_deeper_may_be_static() {
 }
 
 #[test]
-fn in_a_box_that_is_not_split_the_distance_decides_and_else_the_class() {
+fn in_an_unsplit_box_distance_then_class_decides() {
     for z in [0.0, NEAR, FAR] {
         assert!(!dynamic(DESK, INSIDE, z, Some(0.5)));
         assert!(!dynamic(DESK, INSIDE, z, None));
@@ -145,7 +145,7 @@ fn threshold_and_split_weight_are_settings() {
 }
 
 #[test]
-fn of_overlapping_boxes_the_heaviest_counts_whose_object_it_may_be() {
+fn heaviest_matching_box_decides_in_overlaps() {
     let (person, chair, desk) = (mover(PERSON, BOX), mover(CHAIR, BOX), mover(DESK, BOX));
     let split = |mover, at| SplitBox {
         mover,
@@ -171,7 +171,7 @@ fn of_overlapping_boxes_the_heaviest_counts_whose_object_it_may_be() {
 }
 
 #[test]
-fn the_guard_releases_light_things_background_and_what_is_near_its_line_first() {
+fn release_risk_orders_by_weight_depth_and_distance() {
     let config = config("O+G+D");
     let risk = |weight, z, d| verdict(&config, weight, INSIDE, z, Some(d)).risk;
     assert!(risk(DESK, NEAR, 2.0) < risk(CHAIR, FAR, 2.0));
@@ -226,7 +226,7 @@ fn judged(config: &StaticFilterConfig, depths: [f32; 2], weight: f64) -> Vec<boo
 }
 
 #[test]
-fn a_box_is_split_where_it_holds_two_depths() {
+fn box_with_two_depths_is_split() {
     for preset in [Preset::Paper, Preset::Adapted] {
         let config = StaticFilterConfig {
             preset,
@@ -244,7 +244,7 @@ fn a_box_is_split_where_it_holds_two_depths() {
 }
 
 #[test]
-fn as_published_a_box_of_one_depth_is_split_too() {
+fn paper_preset_splits_a_box_of_one_depth() {
     let kept = |preset| {
         let config = StaticFilterConfig {
             preset,

@@ -134,7 +134,7 @@ fn mover(strength: f32) -> Mover {
 }
 
 #[test]
-fn who_walks_in_moves_and_the_wall_does_not() {
+fn entering_person_is_moving_and_the_wall_is_not() {
     let mut world = World::new();
     for _ in 0..30 {
         world.step(None, &[], &[]);
@@ -153,7 +153,7 @@ fn who_walks_in_moves_and_the_wall_does_not() {
 }
 
 #[test]
-fn who_stops_is_suspected_for_seconds() {
+fn stopped_person_stays_suspected_for_seconds() {
     let mut world = World::new();
     for i in 0..40 {
         world.step((i >= 30).then(|| 2 + (i - 30) % 10), &[], &[]);
@@ -177,7 +177,7 @@ fn who_stops_is_suspected_for_seconds() {
 }
 
 #[test]
-fn objects_count_for_now_and_leave_no_trace() {
+fn detections_affect_only_the_current_frame() {
     let mut world = World::new();
     for _ in 0..60 {
         world.step(Some(12), &[], &[]);
@@ -205,7 +205,7 @@ fn objects_count_for_now_and_leave_no_trace() {
 }
 
 #[test]
-fn flow_overrules_depths_that_agree() {
+fn flow_overrules_agreeing_depths() {
     // A smooth body that slides along itself: its depths do not change.
     let sliding: Vec<Vote> = (0..1200)
         .filter(|c| c % 3 == 0)
@@ -228,7 +228,7 @@ fn flow_overrules_depths_that_agree() {
 }
 
 #[test]
-fn who_goes_on_after_standing_for_long_moves_at_once() {
+fn person_moving_after_long_rest_is_detected_at_once() {
     let mut world = World::new();
     for _ in 0..150 {
         world.step(Some(12), &[], &[]);
@@ -265,7 +265,7 @@ fn a_few_wrong_votes_do_not_move_a_wall() {
 }
 
 #[test]
-fn flow_of_a_frame_in_doubt_moves_nothing() {
+fn flow_with_uncertain_camera_motion_marks_nothing() {
     let votes: Vec<Vote> = (0..1200)
         .map(|cell| Vote {
             cell,
@@ -289,7 +289,7 @@ fn flow_of_a_frame_in_doubt_moves_nothing() {
 }
 
 #[test]
-fn a_hole_shows_for_a_moment_what_was_there_before() {
+fn depth_holes_keep_the_last_state_briefly() {
     let mut world = World::new();
     for i in 0..40 {
         world.step((i >= 30).then(|| 8 + (i - 30) / 2), &[], &[]);
@@ -318,7 +318,7 @@ fn a_hole_shows_for_a_moment_what_was_there_before() {
 }
 
 #[test]
-fn holes_that_come_and_go_do_not_make_forget_who_moved() {
+fn intermittent_holes_keep_the_motion_state() {
     // The only evidence is that the person turned on the spot before; the wall behind was never seen.
     let suspected = |holes: fn(usize) -> bool| {
         let mut world = World::new();

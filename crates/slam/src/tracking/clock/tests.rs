@@ -20,7 +20,7 @@ fn worst_gap(times: &[f64]) -> f64 {
 }
 
 #[test]
-fn what_waited_for_usb_comes_back_to_a_steady_rate() {
+fn jittered_stamps_are_regularised_to_the_frame_rate() {
     let stamps: Vec<f64> = (0..120).map(stamped).collect();
     let found = times(&stamps);
     assert!(worst_gap(&stamps) > 0.006);
@@ -37,7 +37,7 @@ fn what_waited_for_usb_comes_back_to_a_steady_rate() {
 }
 
 #[test]
-fn frames_that_are_missing_leave_a_gap_of_whole_frames() {
+fn missing_frames_leave_gaps_of_whole_periods() {
     let kept: Vec<usize> = (0..120).filter(|n| n % 7 != 3 && n % 11 != 5).collect();
     let stamps: Vec<f64> = kept.iter().map(|n| stamped(*n)).collect();
     let found = times(&stamps);
@@ -49,7 +49,7 @@ fn frames_that_are_missing_leave_a_gap_of_whole_frames() {
 }
 
 #[test]
-fn the_clock_of_a_sensor_is_taken_as_it_is() {
+fn regular_stamps_are_unchanged() {
     for rate in [10.0, 15.0, 29.97, 60.0] {
         let stamps: Vec<f64> = (0..100).map(|n| 1e9 + f64::from(n) / rate).collect();
         assert_eq!(times(&stamps), stamps);
@@ -57,7 +57,7 @@ fn the_clock_of_a_sensor_is_taken_as_it_is() {
 }
 
 #[test]
-fn who_takes_frames_when_he_likes_is_believed() {
+fn irregular_frame_times_are_unchanged() {
     let stamps: Vec<f64> = (0..100)
         .map(|n| f64::from(n) * 0.05 + 0.02 * libm::sin(1.7 * f64::from(n)))
         .collect();
@@ -67,7 +67,7 @@ fn who_takes_frames_when_he_likes_is_believed() {
 }
 
 #[test]
-fn a_clock_that_is_set_and_a_change_of_rate_begin_anew() {
+fn clock_jump_or_rate_change_restarts_the_fit() {
     let mut stamps: Vec<f64> = (0..60).map(stamped).collect();
     stamps.extend((0..60).map(|n| stamped(n) - 5.0));
     let found = times(&stamps);
@@ -83,7 +83,7 @@ fn a_clock_that_is_set_and_a_change_of_rate_begin_anew() {
 }
 
 #[test]
-fn backwards_the_same_line_holds() {
+fn mirrored_clock_keeps_the_fit() {
     let mut clock = SensorClock::default();
     let there: Vec<f64> = (0..60).map(|n| clock.take(stamped(n))).collect();
     let pivot = stamped(59);
@@ -98,7 +98,7 @@ fn backwards_the_same_line_holds() {
 proptest! {
     /// For any stamps, times are finite and near them.
     #[test]
-    fn times_are_near_stamps(gaps in prop::collection::vec(-0.2..0.2f64, 1..80)) {
+    fn corrected_times_stay_near_their_stamps(gaps in prop::collection::vec(-0.2..0.2f64, 1..80)) {
         let mut at = 100.0;
         let stamps: Vec<f64> = gaps.iter().map(|g| { at += g; at }).collect();
         for (time, stamp) in times(&stamps).iter().zip(&stamps) {

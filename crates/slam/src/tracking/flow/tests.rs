@@ -39,7 +39,7 @@ fn share(of: &[f64], is: impl Fn(f64) -> bool) -> f64 {
 }
 
 #[test]
-fn features_are_found_where_they_were() {
+fn flow_finds_features_at_their_last_positions() {
     let shown = |id, shift| wall(id, move |x, y| blocks(1, x + shift, y));
     let (mut tracker, data) = second_frame(shown(0, 0), shown(1, 3), &Config::default());
     let (pairs, rest) = tracker.flow(&data, &Se3::identity());
@@ -50,7 +50,7 @@ fn features_are_found_where_they_were() {
 }
 
 #[test]
-fn there_is_no_flow_without_a_frame_before() {
+fn no_previous_frame_gives_no_flow() {
     let shown = |id| wall(id, |x, y| blocks(1, x, y));
     let (mut tracker, data) = second_frame(shown(0), shown(1), &Config::default());
     tracker.state.lose(FrameId(1));
@@ -73,7 +73,7 @@ fn repeated(x: usize, y: usize) -> u8 {
 /// At first the pattern seems static; searched again from the predicted position, it has moved by one period like the
 /// rest.
 #[test]
-fn what_looks_like_its_neighbour_is_found_where_a_wall_that_stands_still_has_it() {
+fn recheck_resolves_repetitive_texture() {
     let shown = |id, shift| wall(id, move |x, y| repeated(x + shift, y));
     let config = Config::default();
     let (mut tracker, data) = second_frame(shown(0, 0), shown(1, PERIOD), &config);
@@ -91,7 +91,7 @@ fn what_looks_like_its_neighbour_is_found_where_a_wall_that_stands_still_has_it(
 }
 
 #[test]
-fn what_moves_still_moves_when_it_is_looked_at_again() {
+fn recheck_keeps_true_motion() {
     // A board moves with the camera, 6 px off.
     let board = |x: usize, y: usize| (60..140).contains(&x) && (60..180).contains(&y);
     let shown = |id, shift| {
@@ -124,7 +124,7 @@ fn what_moves_still_moves_when_it_is_looked_at_again() {
 
 /// A camera that rotates by 1 rad/s with a readout of 20 ms: over the image height columns lean by 0.02 rad of 260 px.
 #[test]
-fn pairs_are_brought_to_the_stamps_of_their_frames() {
+fn rolling_shutter_is_removed_from_flow_pairs() {
     let shown = |id| wall(id, |x, y| blocks(1, x, y));
     let lean = |readout: f64| {
         let mut config = Config::default();
@@ -162,7 +162,7 @@ fn pairs_are_brought_to_the_stamps_of_their_frames() {
 
 /// An acceleration puts all features far from their predictions; all are found although most are only searched nearby.
 #[test]
-fn a_jolt_takes_no_feature() {
+fn jolt_loses_no_features() {
     let shown = |id, shift| wall(id, move |x, y| blocks(1, x + shift, y));
     let (mut tracker, data) = second_frame(shown(0, 0), shown(1, 12), &Config::default());
     let (pairs, _) = tracker.flow(&data, &Se3::identity());

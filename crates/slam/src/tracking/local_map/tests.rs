@@ -42,7 +42,7 @@ fn chosen(local: &LocalMap) -> Vec<u32> {
 }
 
 #[test]
-fn the_reference_is_the_keyframe_that_shares_most_and_its_neighbours_are_around() {
+fn reference_shares_most_landmarks_with_the_frame() {
     let mut world = world();
     let view = world.map.publish();
     let mut local = LocalMap::default();
@@ -65,7 +65,7 @@ fn the_reference_is_the_keyframe_that_shares_most_and_its_neighbours_are_around(
 }
 
 #[test]
-fn without_matches_the_reference_stays() {
+fn without_matches_the_reference_has_a_fallback() {
     let mut world = world();
     let view = world.map.publish();
     let mut local = LocalMap::default();
@@ -82,7 +82,7 @@ fn without_matches_the_reference_stays() {
 }
 
 #[test]
-fn a_newer_view_moves_the_landmarks() {
+fn newer_map_view_updates_landmark_positions() {
     let mut world = world();
     let view = world.map.publish();
     let mut local = LocalMap::default();
@@ -100,7 +100,7 @@ fn a_newer_view_moves_the_landmarks() {
 }
 
 #[test]
-fn around_a_place_are_keyframes_of_its_submap_that_are_near_and_look_there() {
+fn nearby_keyframes_share_submap_and_view_direction() {
     let mut world = World::new();
     let mut turned = at(0.0, 0.0, 0.0);
     turned.rotation = stillpoint_geometry::so3::exp(&Vec3::new(0.0, 1.2, 0.0));
@@ -132,7 +132,7 @@ fn local(count: usize) -> (World, LocalMap) {
 }
 
 #[test]
-fn landmarks_are_found_where_they_project_and_the_others_are_looked_at() {
+fn landmarks_match_near_projections_others_are_tested() {
     let (world, mut local) = local(60);
     // Points 0 to 9 are matched already, 50 to 59 have no feature.
     let camera = at(0.05, 0.02, -0.1);
@@ -168,7 +168,7 @@ fn landmarks_are_found_where_they_project_and_the_others_are_looked_at() {
 }
 
 #[test]
-fn a_pose_that_is_far_off_finds_nothing_and_looks_at_all() {
+fn wrong_pose_matches_nothing_and_tests_every_landmark() {
     let (_, mut local) = local(60);
     let camera = at(0.0, 0.0, 0.0);
     let seen = data(&see_points(0..60, &camera));
@@ -192,7 +192,7 @@ fn a_pose_that_is_far_off_finds_nothing_and_looks_at_all() {
 
 /// Landmarks observed at level 0, from 2 to 3 m away.
 #[test]
-fn what_cannot_be_recognised_from_here_is_not_expected() {
+fn unrecognisable_landmarks_are_not_expected() {
     let (_, mut local) = local(60);
     let mut visible = |world_from_camera: Se3| {
         let nothing = data(&[]);

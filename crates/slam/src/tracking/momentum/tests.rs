@@ -83,7 +83,7 @@ fn random(seed: u64) -> Rng {
 }
 
 #[test]
-fn the_velocity_holds_a_place_that_is_hardly_measured() {
+fn momentum_improves_poorly_measured_positions() {
     let (mut sums, mut learnt) = ([0.0; 2], 0.0);
     for seed in 0..50 {
         let mut camera = Followed::new(TURN);
@@ -97,7 +97,7 @@ fn the_velocity_holds_a_place_that_is_hardly_measured() {
 }
 
 #[test]
-fn jolts_are_learnt_and_forgotten_again() {
+fn acceleration_estimate_adapts_to_jolts_and_recovers() {
     let (mut sums, mut learnt, mut rested) = ([0.0; 3], 0.0, 0.0);
     for seed in 0..50 {
         let mut camera = Followed::new(CALM);
@@ -120,7 +120,7 @@ fn jolts_are_learnt_and_forgotten_again() {
 }
 
 #[test]
-fn it_is_as_wrong_as_it_says() {
+fn errors_match_the_stated_covariance() {
     let (mut sum, mut count) = (0.0, 0);
     for seed in 0..200 {
         let random = &mut random(seed);
@@ -144,7 +144,7 @@ fn it_is_as_wrong_as_it_says() {
 }
 
 #[test]
-fn what_is_found_far_away_says_nothing_of_the_velocity() {
+fn position_jump_resets_the_velocity() {
     let mut camera = Followed::new(TURN);
     camera.follow(by_hand, 60, true, &mut random(0));
     let before = camera.momentum.velocity.norm();
@@ -154,7 +154,7 @@ fn what_is_found_far_away_says_nothing_of_the_velocity() {
 }
 
 #[test]
-fn backwards_it_goes_where_it_came_from() {
+fn reversed_momentum_negates_the_prediction() {
     let mut camera = Followed::new(TURN);
     camera.follow(by_hand, 40, true, &mut random(1));
     let (there, back) = (camera.momentum, camera.momentum.reversed());

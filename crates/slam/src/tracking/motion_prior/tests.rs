@@ -5,7 +5,7 @@ use stillpoint_imaging::Simd;
 
 /// Control: a tracker that has just started, and does not track backwards.
 #[test]
-fn a_way_back_knows_the_momentum_from_the_start_and_leans_on_it_no_more_in_a_crowd() {
+fn backward_tracking_starts_with_momentum_and_calm_factor() {
     let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
     let mut tracker = Tracker::new(Config::default(), camera, Simd::Scalar);
     tracker.moving_share = 0.5;

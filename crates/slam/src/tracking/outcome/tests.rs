@@ -77,7 +77,7 @@ fn near(found: Vec3, expected: [f64; 3]) -> bool {
 }
 
 #[test]
-fn a_pose_is_written_down_relative_to_its_reference_and_followed() {
+fn accepted_pose_is_recorded_relative_to_its_reference() {
     let mut world = world();
     let mut tracker = without_keyframes(&mut world);
     let solution = solution(&world);
@@ -113,7 +113,7 @@ fn a_pose_is_written_down_relative_to_its_reference_and_followed() {
 }
 
 #[test]
-fn a_loss_ends_with_its_first_frame_and_without_a_velocity() {
+fn relocalisation_names_the_first_lost_frame() {
     let mut world = world();
     let mut tracker = without_keyframes(&mut world);
     assert_eq!(tracker.state.lose(FrameId(1)), FrameId(1));
@@ -125,7 +125,7 @@ fn a_loss_ends_with_its_first_frame_and_without_a_velocity() {
 }
 
 #[test]
-fn a_recognised_place_is_named_and_may_be_in_another_submap() {
+fn relocalisation_may_change_the_submap() {
     let mut world = world();
     let mut tracker = without_keyframes(&mut world);
     let found = Solution {
@@ -148,7 +148,7 @@ fn sightings(world: &World) -> Sightings {
 }
 
 #[test]
-fn what_was_seen_of_landmarks_counts_once_the_pose_is_taken() {
+fn sightings_are_counted_for_accepted_poses() {
     let mut world = world();
     let mut tracker = without_keyframes(&mut world);
     for id in 1..4 {
@@ -165,7 +165,7 @@ fn what_was_seen_of_landmarks_counts_once_the_pose_is_taken() {
 }
 
 #[test]
-fn a_keyframe_that_is_wanted_is_made_of_what_was_seen() {
+fn wanted_keyframe_is_built_from_the_solution() {
     let mut world = world();
     let mut tracker = tracker(&mut world);
     tracker.keyframes.wanted = true;
@@ -197,7 +197,7 @@ fn a_keyframe_that_is_wanted_is_made_of_what_was_seen() {
 }
 
 #[test]
-fn no_keyframe_is_made_where_the_map_is_only_read_or_the_view_was_blocked_or_one_waits() {
+fn no_keyframe_if_read_only_blocked_or_one_is_pending() {
     let spoil: [fn(&mut Tracker); 3] = [
         |t| t.map.grows = false,
         |t| t.sensors.blind_at = Some(t.front_end.clock.now()),
@@ -226,7 +226,7 @@ fn no_keyframe_is_made_where_the_map_is_only_read_or_the_view_was_blocked_or_one
 }
 
 #[test]
-fn a_carried_pose_is_followed_and_makes_no_keyframe() {
+fn carried_pose_is_recorded_without_a_keyframe() {
     let mut world = world();
     let mut tracker = tracker(&mut world);
     tracker.keyframes.wanted = true;
@@ -250,7 +250,7 @@ fn shown(id: u32, covered: bool) -> Arc<RgbdFrame> {
 }
 
 #[test]
-fn whole_frames_begin_a_map_are_tracked_lost_and_found() {
+fn tracking_initialises_loses_and_relocalises() {
     let mut tracker = Tracker::new(Config::default(), wall_camera(), Simd::detect());
     let mut track = |id, covered| tracker.track(&shown(id, covered));
     let began = track(0, false);
@@ -275,7 +275,7 @@ fn whole_frames_begin_a_map_are_tracked_lost_and_found() {
 }
 
 #[test]
-fn a_map_begins_with_features_that_have_depth() {
+fn initialisation_needs_features_with_depth() {
     let mut tracker = Tracker::new(Config::default(), wall_camera(), Simd::detect());
     let mut blind = RgbdFrame::clone(&shown(1, false));
     let (w, h) = (blind.depth.width(), blind.depth.height());

@@ -36,7 +36,7 @@ fn elsewhere() -> Se3 {
 }
 
 #[test]
-fn the_pose_in_a_keyframe_is_found_among_wrong_matches() {
+fn pose_is_found_despite_wrong_matches() {
     let mut world = world();
     let (tracker, frame) = tracker(&mut world);
     let view = Arc::clone(&tracker.map.view);
@@ -64,7 +64,7 @@ fn the_pose_in_a_keyframe_is_found_among_wrong_matches() {
 }
 
 #[test]
-fn no_pose_is_found_where_nothing_looks_alike_or_nothing_fits() {
+fn no_pose_without_similar_or_consistent_features() {
     let mut world = world();
     let (tracker, frame) = tracker(&mut world);
     let view = Arc::clone(&tracker.map.view);
@@ -80,7 +80,7 @@ fn no_pose_is_found_where_nothing_looks_alike_or_nothing_fits() {
 }
 
 #[test]
-fn keyframes_that_look_alike_are_recognised_where_the_view_holds_them() {
+fn only_similar_keyframes_in_the_view_are_recognised() {
     let mut world = world();
     let (mut tracker, _) = tracker(&mut world);
     let seen = data(&see_points(0..100, &elsewhere()));
@@ -147,7 +147,7 @@ fn notes(inliers: u32, visible: u32) -> Notes {
 }
 
 #[test]
-fn a_pose_is_believed_where_the_camera_can_be_and_enough_agrees() {
+fn pose_needs_a_reachable_position_and_enough_inliers() {
     let mut world = world();
     world.add(9, None, at(0.0, 0.0, 0.0), 0..50);
     let (mut tracker, _) = tracker(&mut world);
@@ -185,7 +185,7 @@ fn a_pose_is_believed_where_the_camera_can_be_and_enough_agrees() {
 }
 
 #[test]
-fn a_submap_is_due_after_a_second_of_frames_that_show_enough() {
+fn new_submap_is_due_after_a_second_of_usable_frames() {
     let mut world = world();
     let (mut tracker, frame) = tracker(&mut world);
     tracker.pace.next(&frame);
@@ -217,7 +217,7 @@ fn a_submap_is_due_after_a_second_of_frames_that_show_enough() {
 
 /// Builds a map of a wall; a camera started in that map is relocalised at this wall and not at another.
 #[test]
-fn a_camera_is_found_at_the_wall_that_it_knows_and_not_at_another() {
+fn camera_relocalises_only_at_the_known_wall() {
     use crate::report::Outcome;
     use crate::stages::MapUse;
     use crate::synthetic::{aside, wall_camera};

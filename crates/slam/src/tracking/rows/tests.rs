@@ -12,7 +12,7 @@ use stillpoint_geometry::Se3;
 use stillpoint_map::KeyframeId;
 
 #[test]
-fn rows_are_learned_from_what_stands_still_and_has_depth() {
+fn rows_use_static_features_with_depth() {
     let shown = |id| wall(id, |x, y| blocks(1, x, y));
     let (mut tracker, data) = second_frame(shown(0), shown(1), &Config::default());
     let (pairs, _) = tracker.flow(&data, &Se3::identity());
@@ -54,7 +54,7 @@ fn rows_are_learned_from_what_stands_still_and_has_depth() {
 }
 
 #[test]
-fn without_flow_rows_are_learned_from_landmarks_that_both_frames_see() {
+fn without_flow_rows_use_common_landmarks() {
     let id = LandmarkId::new;
     let camera = at(0.0, 0.0, 0.0);
     let last = LastFrame {

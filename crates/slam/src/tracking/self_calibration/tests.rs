@@ -107,7 +107,7 @@ fn learn_swinging(truth: f64, from: f64) -> SelfCalibration {
 }
 
 #[test]
-fn what_swings_tells_the_readout_wherever_the_estimate_starts() {
+fn readout_converges_from_any_initial_value() {
     for truth in [0.0, 0.01, 0.03] {
         for from in [0.0, 0.02, 0.05] {
             let estimate = learn_swinging(truth, from);
@@ -120,7 +120,7 @@ fn what_swings_tells_the_readout_wherever_the_estimate_starts() {
 
 /// Velocities are wrong while it is undecided which surfaces move, and with them the readout.
 #[test]
-fn what_was_learned_wrongly_is_forgotten() {
+fn wrong_estimate_is_corrected_by_new_data() {
     let mut estimate = start(0.0);
     let mut passes = |truth: f64, times: u32| {
         for i in 0..times {
@@ -136,7 +136,7 @@ fn what_was_learned_wrongly_is_forgotten() {
 
 /// A prior known to ten microseconds hardly moves.
 #[test]
-fn what_is_known_is_not_forgotten() {
+fn strong_prior_is_kept() {
     let mut estimate = SelfCalibration::new(Timing {
         readout: 0.02,
         readout_sigma: 1e-5,
@@ -150,7 +150,7 @@ fn what_is_known_is_not_forgotten() {
 }
 
 #[test]
-fn steady_turning_teaches_little() {
+fn steady_rotation_gives_little_information() {
     let path = Path {
         velocity: Vec6::new(0.0, 0.0, 0.0, 0.0, 2.0, 0.0),
         change: Vec6::zeros(),
@@ -165,7 +165,7 @@ fn steady_turning_teaches_little() {
 }
 
 #[test]
-fn a_camera_that_stands_and_too_few_points_teach_nothing() {
+fn static_camera_or_few_points_give_no_information() {
     let still = Path {
         velocity: Vec6::repeat(0.01),
         change: Vec6::zeros(),
@@ -187,7 +187,7 @@ fn a_camera_that_stands_and_too_few_points_teach_nothing() {
 
 /// A third of the points move, or are mismatched.
 #[test]
-fn outliers_do_not_bend_the_estimate() {
+fn estimate_is_robust_to_outliers() {
     let mut estimate = start(0.0);
     for i in 0..30 {
         let path = swinging(0.07 * f64::from(i));
@@ -204,7 +204,7 @@ fn outliers_do_not_bend_the_estimate() {
 /// Independent pose errors of centimetres and half a degree, as among people; static points still give the motion
 /// between two frames.
 #[test]
-fn poses_that_jitter_do_not_bend_the_estimate() {
+fn estimate_is_robust_to_pose_jitter() {
     let mut estimate = start(0.0);
     for i in 0..30 {
         let path = swinging(0.07 * f64::from(i));
@@ -233,7 +233,7 @@ fn poses_that_jitter_do_not_bend_the_estimate() {
 }
 
 #[test]
-fn derivatives_are_those_of_finite_differences() {
+fn derivatives_match_finite_differences() {
     let path = swinging(0.2);
     let between = path.between(DT, 0.02);
     let velocities = [&path.velocity(0.0), &path.velocity(DT)];
@@ -265,7 +265,7 @@ fn derivatives_are_those_of_finite_differences() {
 }
 
 #[test]
-fn backwards_in_time_the_readout_is_negative() {
+fn mirrored_time_negates_the_readout() {
     let estimate = learn_swinging(0.02, 0.0);
     let mirrored = estimate.mirrored();
     assert_eq!(mirrored.timing().readout, -estimate.timing().readout);
@@ -276,7 +276,7 @@ fn backwards_in_time_the_readout_is_negative() {
 }
 
 #[test]
-fn a_cubic_velocity_is_found_exactly_at_any_spacing() {
+fn cubic_velocity_is_interpolated_exactly() {
     let at = |t: f64| 1.0 + 2.0 * t - 30.0 * t * t + 400.0 * t * t * t;
     let path = |t: f64| t + t * t - 10.0 * t * t * t + 100.0 * t * t * t * t;
     let stamps = [-0.13, -0.08, -0.035, 0.0, 0.027, 0.1, 0.12];

@@ -37,7 +37,7 @@ fn accuracy(rmse: f64) -> Value {
 }
 
 #[test]
-fn a_good_run_is_nothing_to_worry_about() {
+fn good_run_raises_no_concern() {
     let good = json!({"frames": 100, "tracked": 100, "skipped": 0, "accuracy": accuracy(0.0059)});
     let expected = "Tracked all 100 frames among up to 3 people; 5.9 mm from the truth; nothing to worry about.";
     assert_eq!(judged(run(good)), (Concern::None, expected.to_owned()));
@@ -58,7 +58,7 @@ fn a_good_run_is_nothing_to_worry_about() {
 }
 
 #[test]
-fn a_run_that_is_far_off_is_not_praised() {
+fn inaccurate_run_raises_grave_concern() {
     let bad = json!({"frames": 100, "tracked": 100, "accuracy": accuracy(0.2174)});
     let mut off = run(bad);
     let (concern, text) = judged(off.clone());
@@ -81,7 +81,7 @@ fn a_run_that_is_far_off_is_not_praised() {
 }
 
 #[test]
-fn without_a_truth_a_filter_that_was_off_is_told() {
+fn filter_off_without_ground_truth_is_reported() {
     let mut off = run(json!({"frames": 100, "tracked": 100}));
     off.config = "[static_filter]\npreset = \"off\"\n".to_owned();
     let (concern, text) = judged(off);
@@ -90,7 +90,7 @@ fn without_a_truth_a_filter_that_was_off_is_told() {
 }
 
 #[test]
-fn losses_are_told_with_what_helps() {
+fn losses_are_reported_with_a_remedy() {
     let loss = |first: u32, last: u32, seconds: f64| json!({"first": first, "last": last, "seconds": seconds, "reason": LostReason::FewMatches.to_string(), "then": "found again"});
     let few = json!({"frames": 100, "tracked": 95, "accuracy": accuracy(0.004), "lost": [loss(10, 10, 0.1), loss(20, 23, 0.2)]});
     let (concern, text) = judged(run(few));
@@ -109,7 +109,7 @@ fn losses_are_told_with_what_helps() {
 }
 
 #[test]
-fn frames_that_are_missing_are_told() {
+fn missing_frames_are_reported() {
     for (summary, expected) in [
         (
             json!({"frames": 90, "tracked": 90, "skipped": 10}),
@@ -145,7 +145,7 @@ fn frames_that_are_missing_are_told() {
 }
 
 #[test]
-fn every_reason_has_a_remedy() {
+fn every_loss_reason_has_a_remedy() {
     for reason in [
         LostReason::FewFeatures,
         LostReason::FewDepths,

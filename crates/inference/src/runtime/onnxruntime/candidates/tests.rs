@@ -33,7 +33,7 @@ fn found(root: &TempDir, variables: &[(&str, &str)], beside: &str, system: &str)
 }
 
 #[test]
-fn only_the_library_counts_and_its_version_is_read() {
+fn library_names_and_versions_are_parsed() {
     for (names, name, version) in [
         (&LINUX, "libonnxruntime.so.1.31.1", Some(vec![1, 31, 1])),
         (&LINUX, "libonnxruntime.so.1", Some(vec![1])),
@@ -54,7 +54,7 @@ fn only_the_library_counts_and_its_version_is_read() {
 }
 
 #[test]
-fn the_order_of_places_holds() {
+fn search_locations_are_ordered() {
     let root = folder(&[
         "named/any_name.so",
         "bin/libonnxruntime.so",
@@ -97,7 +97,7 @@ fn the_order_of_places_holds() {
 }
 
 #[test]
-fn the_newest_comes_first_in_a_folder_and_among_pythons() {
+fn newest_library_and_python_come_first() {
     let root = folder(&[
         "system/libonnxruntime.so",
         "system/libonnxruntime.so.1.9.0",
@@ -121,7 +121,7 @@ fn the_newest_comes_first_in_a_folder_and_among_pythons() {
 }
 
 #[test]
-fn a_named_file_comes_even_if_missing_and_a_named_folder_is_looked_into() {
+fn named_file_is_kept_and_named_folder_is_searched() {
     let root = folder(&["lib/libonnxruntime.so.1.20.0"]);
     let named = |path| found(&root, &[("ORT_DYLIB_PATH", path)], "bin", "system");
     assert_eq!(named("missing.so"), ["missing.so"]);
@@ -130,7 +130,7 @@ fn a_named_file_comes_even_if_missing_and_a_named_folder_is_looked_into() {
 }
 
 #[test]
-fn empty_and_relative_entries_of_variables_are_no_places() {
+fn empty_and_relative_path_entries_are_ignored() {
     let environment = |name: &str| match name {
         "PATH" | "LD_LIBRARY_PATH" => Some(OsString::from(":.:src")),
         _ => Some(OsString::new()),
@@ -140,7 +140,7 @@ fn empty_and_relative_entries_of_variables_are_no_places() {
 
 #[cfg(unix)]
 #[test]
-fn links_to_pythons_and_libraries_are_followed() {
+fn symlinks_to_pythons_and_libraries_are_followed() {
     use std::os::unix::fs::symlink;
     let base = "opt/python/lib/python3.12/site-packages/onnxruntime/capi/libonnxruntime.so.1.21.0";
     let pyenv = "pyenv/versions/3.11.4/lib/python3.11/site-packages/onnxruntime/capi/libonnxruntime.so.1.20.0";
@@ -164,7 +164,7 @@ fn links_to_pythons_and_libraries_are_followed() {
 
 #[test]
 #[allow(clippy::disallowed_methods)] // Tests may read the environment.
-fn this_machine_can_be_searched() {
+fn search_on_this_machine_is_deterministic() {
     let environment = |name: &str| std::env::var_os(name);
     let found = candidates(&environment);
     assert_eq!(found, candidates(&environment));

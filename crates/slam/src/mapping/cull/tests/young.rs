@@ -40,7 +40,7 @@ fn live(mapper: &Mapper, landmarks: &[LandmarkId]) -> Vec<bool> {
 }
 
 #[test]
-fn a_young_landmark_that_is_found_in_less_than_a_quarter_of_its_frames_goes() {
+fn young_landmark_found_in_under_a_quarter_is_culled() {
     let (mut mapper, made) = mapper();
     // (frames that should see it, frames in which it was found)
     let seen = [(1, 1), (4, 1), (5, 1), (100, 24), (100, 25), (30, 0)];
@@ -57,7 +57,7 @@ fn a_young_landmark_that_is_found_in_less_than_a_quarter_of_its_frames_goes() {
 }
 
 #[test]
-fn a_young_landmark_that_no_second_keyframe_sees_goes_after_two() {
+fn young_landmark_with_one_observer_is_culled_after_two() {
     let (mut mapper, made) = mapper();
     come(&mut mapper, 3, &made[..2]);
     assert_eq!(mapper.cull_landmarks(KeyframeId(3)), 0);
@@ -71,7 +71,7 @@ fn a_young_landmark_that_no_second_keyframe_sees_goes_after_two() {
 }
 
 #[test]
-fn what_was_seen_without_depth_needs_one_more() {
+fn landmark_without_depth_needs_one_more_observer() {
     let (mut mapper, made) = mapper();
     for id in &made {
         mapper.map.landmark_mut(*id).unwrap().depth_observers = 0;
@@ -86,7 +86,7 @@ fn what_was_seen_without_depth_needs_one_more() {
 }
 
 #[test]
-fn after_three_keyframes_a_landmark_has_proved_itself() {
+fn landmark_is_established_after_three_keyframes() {
     let (mut mapper, made) = mapper();
     for id in 1..4 {
         come(&mut mapper, id, &made);
