@@ -31,7 +31,7 @@ pub struct CloudPoint {
     pub position: [f64; 3],
     /// Unit vector towards the observing cameras; zero if unknown.
     pub normal: [f64; 3],
-    /// One number for each name given to [`format`].
+    /// One number for each name given to [`format()`].
     pub counts: [u32; 4],
 }
 

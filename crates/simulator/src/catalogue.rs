@@ -45,7 +45,7 @@ const NAMES: [&str; 33] = [
 /// Speed factors relative to `rpy` at which it turns by up to 60, 100 and 150 deg/s.
 const PACES: [f64; 3] = [1.0, 1.7, 2.5];
 
-/// Names of the scenes: the values of [`SimulatorConfig::scene`].
+/// Names of the scenes: the values of [`SimulatorConfig::scene`](crate::SimulatorConfig::scene).
 #[must_use]
 pub fn scene_names() -> &'static [&'static str] {
     &NAMES

@@ -27,7 +27,7 @@ use stillpoint_imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame}
 /// Configuration of the simulator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SimulatorConfig {
-    /// One of [`scene_names`].
+    /// One of [`scene_names`](crate::scene_names).
     pub scene: String,
     /// Determines layout, textures, hand tremor and noise.
     pub seed: u64,
