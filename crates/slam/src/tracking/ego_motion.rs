@@ -12,7 +12,8 @@ use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{KeyframeData, KeyframeId};
 
-/// Change of the rolling-shutter displacement below which pairs are not corrected again, px.
+/// Change of the rolling-shutter displacement below which pairs are not corrected again, px. Chosen: what flow errs by
+/// (decision 21).
 const SHUTTER_PX: f64 = 0.3;
 
 /// The camera's motion since the last frame, and its evidence.
