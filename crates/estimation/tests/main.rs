@@ -11,3 +11,4 @@ mod pose_graph;
 mod rigid;
 mod sampling;
 mod two_view;
+mod votes;
