@@ -13,6 +13,7 @@ mod lies;
 mod mutations;
 mod odometry;
 mod orbbec;
+mod registration;
 #[cfg(feature = "sqlite")]
 mod sqlite;
 mod structured;

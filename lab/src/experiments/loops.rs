@@ -3,9 +3,12 @@
 //! The table has a row per scene, with true and false loops and their odds. The exit code is 1 if a false loop is closed, or if a true loop
 //! is closed in less than 95 of 100 runs with few keyframes, fast motion and wide baselines.
 
+mod candidate;
+
 use crate::Failure;
 use crate::experiments::shared::{ate_mm, code, each_seed, map_poses, scene, timed, truth};
 use crate::table::{self, ABSENT, Table, spread};
+use candidate::{is_true, tell_loop};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -279,47 +282,6 @@ fn table(
     println!("{hard_closed} of {hard} hard runs closed a true loop; {false_loops} false loops");
     let met = false_loops == 0 && hard_closed as f64 >= BAR * hard as f64;
     Ok(code(met))
-}
-
-/// Within 10 cm and 5 degrees of the ground truth.
-fn is_true(with_from_keyframe: Se3, edge: Se3) -> bool {
-    let off = with_from_keyframe.inverse() * edge;
-    off.translation.norm() <= 0.1 && off.rotation.angle().to_degrees() <= 5.0
-}
-
-/// Prints a candidate; returns whether it was closed with an error above 10 cm or 5 degrees.
-fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
-    let error = l.edge.map(|edge| {
-        let error = with_from_keyframe.inverse() * edge;
-        (
-            error.translation.norm(),
-            error.rotation.angle().to_degrees(),
-        )
-    });
-    let far = error.map_or_else(String::new, |(m, deg)| {
-        format!(", edge off by {:.1} mm, {deg:.2} deg", m * 1e3)
-    });
-    let evidence = l.evidence.map_or_else(String::new, |e| {
-        let odds = e.log_odds() / std::f64::consts::LN_10;
-        format!("odds 10^{odds:.1} ({e:.1?})")
-    });
-    println!(
-        "    {:>4} with {:>4}, {:.2} m apart: {}, score {:.3} ({:.3} elsewhere), {} + {} of {} inliers, {} agree, cost {:.2}, {evidence}, {} merged, moved {:.3} m{far}",
-        l.keyframe.0,
-        l.with.0,
-        with_from_keyframe.translation.norm(),
-        l.outcome,
-        l.score,
-        l.rival,
-        l.rigid_inliers,
-        l.inliers,
-        l.expected,
-        l.agreeing,
-        l.cost,
-        l.merges,
-        l.moved_m,
-    );
-    l.outcome == LoopOutcome::Closed && !l.edge.is_some_and(|e| is_true(with_from_keyframe, e))
 }
 
 /// The third run must give the same bytes as the second.

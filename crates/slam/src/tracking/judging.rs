@@ -70,3 +70,64 @@ impl Tracker {
         (data, motion.matches.select(kept, targets))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+
+    use super::*;
+    use crate::config::Config;
+    use crate::synthetic::{blocks, wall, wall_camera};
+    use stillpoint_features::{Window, best_two};
+    use stillpoint_geometry::Vec3;
+    use stillpoint_imaging::Simd;
+
+    #[test]
+    fn dynamic_features_are_removed_with_their_matches() {
+        let mut tracker = Tracker::new(Config::default(), wall_camera(), Simd::detect());
+        let frame = wall(0, |x, y| blocks(1, x, y));
+        tracker.front_end.clock.take(&frame);
+        let mut notes = Notes::default();
+        let all = tracker.observe(&frame, &mut notes);
+        assert!(all.len() > 300, "{}", all.len());
+        let mut motion = EgoMotion::unknown(Arc::clone(&all));
+        for i in (0..all.len()).step_by(2) {
+            motion.matches.assign_point(i as u32, Vec3::z());
+        }
+        tracker.keep_all_unless_judged(&mut notes.judgement);
+        // Control: without dynamic features nothing is removed.
+        assert_eq!(tracker.keep_static(&motion, &notes).0.len(), all.len());
+        let mut verdicts = notes.judgement.verdicts.to_vec();
+        for verdict in verdicts.iter_mut().step_by(3) {
+            verdict.dynamic = true;
+        }
+        notes.judgement.verdicts = verdicts.into();
+        let (kept, matches) = tracker.keep_static(&motion, &notes);
+        let numbers: Vec<usize> = (0..all.len()).filter(|i| i % 3 != 0).collect();
+        assert_eq!(kept.len(), numbers.len());
+        assert_eq!(
+            matches.count,
+            numbers.iter().filter(|i| **i % 2 == 0).count()
+        );
+        for (k, i) in numbers.into_iter().enumerate() {
+            assert_eq!(kept.positions[k], all.positions[i]);
+            assert_eq!(kept.depths[k], all.depths[i]);
+            assert_eq!(matches.targets[k].is_some(), i % 2 == 0);
+            // Its grid holds the new numbers.
+            let level = kept.keypoints[k].level;
+            let window = Window {
+                x: kept.positions[k][0],
+                y: kept.positions[k][1],
+                radius: 0.1,
+                min_level: level,
+                max_level: level,
+            };
+            let found = best_two(&kept.searched(), &window, &all.descriptors[i], |_| true);
+            assert_eq!(found.unwrap().distance, 0);
+            assert_eq!(
+                kept.descriptors[found.unwrap().index as usize],
+                all.descriptors[i]
+            );
+        }
+    }
+}
