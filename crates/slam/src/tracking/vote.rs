@@ -11,8 +11,8 @@ use super::known::Known;
 use crate::association::{Candidate, match_by_descriptor, measurement};
 use crate::static_filter::FlowPair;
 use stillpoint_estimation::{
-    Intrinsics, Measurement, MotionFinder, MotionOptions, MotionPair, MotionPrior, Purpose,
-    find_camera_motion, rng,
+    Intrinsics, KnownPlace, Measurement, MotionFinder, MotionOptions, MotionPair, MotionPrior,
+    Purpose, find_camera_motion, rng,
 };
 use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;
@@ -63,12 +63,31 @@ const BLOCK_PX: f64 = 40.0;
 const FAR: f64 = 4.0;
 
 /// How a vote searches for the motion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub(super) enum Search {
     /// RANSAC, with the predicted motion as first hypothesis.
     Samples,
     /// Refinement of the predicted motion alone.
     Refine,
+}
+
+impl Search {
+    /// Options of a vote, judged sharply if `exact`, with the shift that the motion model predicts.
+    fn options(self, exact: bool, place: Option<KnownPlace>) -> MotionOptions {
+        let options = MotionOptions {
+            peak: if exact { PEAK } else { 0.0 },
+            place,
+            ..MotionOptions::default()
+        };
+        let max_iterations = match self {
+            Self::Samples => options.max_iterations,
+            Self::Refine => 0,
+        };
+        MotionOptions {
+            max_iterations,
+            ..options
+        }
+    }
 }
 
 #[derive(Default)]
@@ -121,14 +140,7 @@ impl Tracker {
         if exact {
             give_say_by_area(votes, blocks);
         }
-        let mut options = MotionOptions {
-            peak: if exact { PEAK } else { 0.0 },
-            place: self.known_shift(),
-            ..MotionOptions::default()
-        };
-        if search == Search::Refine {
-            options.max_iterations = 0;
-        }
+        let options = search.options(exact, self.known_shift());
         let (address, camera) = (u64::from(frame.id.0), Intrinsics::from(&data.camera));
         let last_from_world = last.world_from_camera.inverse();
         let mut find = |votes: &[MotionPair], turn, least, inliers: &mut Vec<bool>| {
@@ -136,7 +148,7 @@ impl Tracker {
             let rng = rng(self.setup.seed, address, Purpose::CAMERA_MOTION);
             let motion = finder.find(&camera, votes, Some(&prior), &options, rng)?;
             finder.reuse(std::mem::replace(inliers, motion.inliers));
-            let vote = Vote {
+            (motion.weight_share >= least).then(|| Vote {
                 camera_from_world: motion.b_from_a.inverse() * last_from_world,
                 exact,
                 agreed: motion.count,
@@ -144,8 +156,7 @@ impl Tracker {
                 information: motion.information,
                 share: motion.weight_share,
                 is_bound: turn.is_some(),
-            };
-            (motion.weight_share >= least).then_some(vote)
+            })
         };
         let free = find(votes, None, MIN_WEIGHT_SHARE, inliers);
         let Some((known, turn)) = known.and_then(|k| Some((k, self.known_motion(&k)?))) else {
