@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 use stillpoint::datasets::{AtomicFile, write_atomic};
-use stillpoint::features::{Descriptor, FeatureGrid, Keypoint};
+use stillpoint::features::{Descriptor, Edge, FeatureGrid, Keypoint};
 use stillpoint::geometry::{Camera, Se3};
 use stillpoint::map::{KeyframeData, KeyframeId, Map, MapFile};
 
@@ -39,6 +39,7 @@ fn map(version: u64) -> Vec<u8> {
             level: 0,
             angle: 0.5,
             response: 20.0,
+            edge: Edge::default(),
         };
         let data = KeyframeData {
             stamp: f64::from(id),

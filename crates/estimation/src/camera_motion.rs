@@ -106,7 +106,7 @@ pub struct CameraMotion {
 /// The weight of a pair; 0 if not positive, or if the pair is not finite.
 pub(crate) fn believed(p: &MotionPair) -> f64 {
     let m = &p.measurement;
-    let sum = p.point.sum() + m.pixel.sum() + m.inverse_depth + m.pixel_weight;
+    let sum = p.point.sum() + (m.pixel + m.edge).sum() + m.inverse_depth + m.pixel_weight;
     if p.weight > 0.0 && (sum + m.inverse_depth_weight + p.weight).is_finite() {
         p.weight
     } else {

@@ -6,7 +6,7 @@ use stillpoint_geometry::{Mat3, Vec3};
 /// Residual and Jacobians of one measurement at a point `p` in camera coordinates. Rows: u, v, inverse depth.
 #[derive(Clone, Copy, Debug)]
 pub struct Linearised {
-    /// Measured minus predicted: px, px, 1/m.
+    /// Measured minus predicted: px, px, 1/m. The part along an edge is scaled to the deviation across it.
     pub residual: [f64; 3],
     /// Derivative of the prediction by `p`, 3x3, row by row.
     pub by_point: [[f64; 3]; 3],
@@ -24,7 +24,11 @@ pub fn linearise(k: &Intrinsics, m: &Measurement, p: &Vec3) -> Linearised {
     let (a, b) = (k.fx * iz, k.fy * iz);
     let (x, y) = (p.x * iz, p.y * iz);
     let iz2 = iz * iz;
-    let by_point = [[a, 0.0, -a * x], [0.0, b, -b * y], [0.0, 0.0, -iz2]];
+    // On an edge, both pixel rows are those of the evened residual.
+    let columns = [[a, 0.0], [0.0, b], [-a * x, -b * y]].map(|column| m.even(column));
+    let [u, v] = [0, 1].map(|row| columns.map(|column| column[row]));
+    let by_point = [u, v, [0.0, 0.0, -iz2]];
+    let [eu, ev] = m.even([m.pixel.x - (k.fx * x + k.cx), m.pixel.y - (k.fy * y + k.cy)]);
     let row = |j: [f64; 3]| {
         [
             j[0],
@@ -36,11 +40,7 @@ pub fn linearise(k: &Intrinsics, m: &Measurement, p: &Vec3) -> Linearised {
         ]
     };
     Linearised {
-        residual: [
-            m.pixel.x - (k.fx * x + k.cx),
-            m.pixel.y - (k.fy * y + k.cy),
-            m.inverse_depth - iz,
-        ],
+        residual: [eu, ev, m.inverse_depth - iz],
         by_point,
         by_pose: by_point.map(row),
     }

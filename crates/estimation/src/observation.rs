@@ -32,12 +32,15 @@ impl From<&Camera> for Intrinsics {
 pub struct Measurement {
     /// Undistorted pixel.
     pub pixel: Vec2,
-    /// 1 / variance of each pixel coordinate, 1/px^2.
+    /// 1 / variance of the pixel, 1/px^2, in any direction but that of `edge`.
     pub pixel_weight: f64,
     /// 1 / depth, 1/m.
     pub inverse_depth: f64,
     /// 1 / variance of the inverse depth, m^2; 0 without depth.
     pub inverse_depth_weight: f64,
+    /// The direction in which the pixel is less certain, as on an image edge: the unit vector along it times the square
+    /// root of 1 less the ratio of the standard deviations across and along it. Zero if they are equal.
+    pub edge: Vec2,
 }
 
 impl Measurement {
@@ -53,7 +56,21 @@ impl Measurement {
             pixel_weight: 1.0 / (sigma_px * sigma_px),
             inverse_depth,
             inverse_depth_weight,
+            edge: Vec2::zeros(),
         }
+    }
+
+    /// The measurement with an [`edge`](Self::edge).
+    #[must_use]
+    pub fn on_edge(self, edge: Vec2) -> Self {
+        Self { edge, ..self }
+    }
+
+    /// Scales the part of an offset along the edge to the deviation across it.
+    #[inline]
+    pub(crate) fn even(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        let along = self.edge.x * u + self.edge.y * v;
+        [u - self.edge.x * along, v - self.edge.y * along]
     }
 
     /// Whether there is a depth.
@@ -65,6 +82,7 @@ impl Measurement {
     /// Whether all numbers are finite and both weights valid.
     pub(crate) fn is_sound(&self) -> bool {
         (self.pixel.sum() + self.inverse_depth).is_finite()
+            && self.edge.norm_squared() <= 1.0
             && (self.pixel_weight + self.inverse_depth_weight).is_finite()
             && self.pixel_weight > 0.0
             && self.inverse_depth_weight >= 0.0
@@ -90,6 +108,7 @@ impl Measurement {
         let iz = 1.0 / p.z;
         let eu = self.pixel.x - (k.fx * p.x * iz + k.cx);
         let ev = self.pixel.y - (k.fy * p.y * iz + k.cy);
+        let [eu, ev] = self.even([eu, ev]);
         let ed = self.inverse_depth - iz;
         self.pixel_weight * (eu * eu + ev * ev) + self.inverse_depth_weight * ed * ed
     }

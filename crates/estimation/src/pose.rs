@@ -212,8 +212,8 @@ impl Problem<'_> {
                 weight * m.inverse_depth_weight,
             ];
             let ([u, v, d], e) = (&l.by_pose, &l.residual);
-            sums.add([0, 2, 3, 4, 5], u, e[0], w[0]);
-            sums.add([1, 2, 3, 4, 5], v, e[1], w[1]);
+            sums.add([0, 1, 2, 3, 4, 5], u, e[0], w[0]);
+            sums.add([0, 1, 2, 3, 4, 5], v, e[1], w[1]);
             if m.has_depth() {
                 sums.add([2, 3, 4], d, e[2], w[2]);
             }

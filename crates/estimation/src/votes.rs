@@ -5,7 +5,7 @@ use crate::camera_motion::{MotionOptions, MotionPair, believed};
 use crate::two_view::{BLOCKS_PER_LOOK, LANES};
 use stillpoint_geometry::Se3;
 
-/// [`LANES`] pairs: points (m), pixels relative to the principal point (px), inverse depths (1/m), and weights of the
+/// [`LANES`] pairs: points (m), pixels relative to the principal point (px), inverse depths (1/m), edges, and weights of the
 /// squared residuals divided by the gate.
 #[derive(Clone, Copy, Debug, Default)]
 struct Block {
@@ -15,6 +15,7 @@ struct Block {
     u: [f64; LANES],
     v: [f64; LANES],
     d: [f64; LANES],
+    edge: [[f64; LANES]; 2],
     pixel: [f64; LANES],
     depth: [f64; LANES],
     vote: [f64; LANES],
@@ -54,6 +55,7 @@ impl Votes {
             [b.x[i], b.y[i], b.z[i]] = [p.point.x, p.point.y, p.point.z];
             [b.u[i], b.v[i]] = [m.pixel.x - camera.cx, m.pixel.y - camera.cy];
             b.d[i] = m.inverse_depth;
+            [b.edge[0][i], b.edge[1][i]] = [m.edge.x, m.edge.y];
             b.pixel[i] = m.pixel_weight * gate;
             b.depth[i] = m.inverse_depth_weight * gate;
             b.vote[i] = p.weight;
@@ -115,6 +117,9 @@ impl Votes {
             let iz = 1.0 / pz;
             let eu = b.u[i] - fx * (r[0] * x + r[1] * y + r[2] * z + t[0]) * iz;
             let ev = b.v[i] - fy * (r[3] * x + r[4] * y + r[5] * z + t[1]) * iz;
+            let (ex, ey) = (b.edge[0][i], b.edge[1][i]);
+            let along = ex * eu + ey * ev;
+            let (eu, ev) = (eu - ex * along, ev - ey * along);
             let ed = b.d[i] - iz;
             let ratio = b.pixel[i] * (eu * eu + ev * ev) + b.depth[i] * (ed * ed);
             if pz > 1e-3 { ratio } else { f64::INFINITY }
@@ -165,7 +170,7 @@ mod tests {
                     let depth = (z > 0.2 && random.unit() < 0.5).then_some((z * 1.01, 0.02));
                     MotionPair {
                         point: Vec3::new(x * z, y * z, z),
-                        measurement: Measurement::new(pixel, 2.0, depth),
+                        measurement: Measurement::new(pixel, 2.0, depth).on_edge(Vec2::new(0.9 * random.unit(), -0.4)),
                         weight: 2.0 * random.unit() - 0.3,
                     }
                 })

@@ -23,6 +23,7 @@ fn measurement() -> Measurement {
         pixel_weight: 1.0,
         inverse_depth: 0.5,
         inverse_depth_weight: 1.0,
+        edge: Vec2::new(0.6, -0.5),
     }
 }
 

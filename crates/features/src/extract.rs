@@ -3,9 +3,10 @@
 use stillpoint_imaging::{GrayImage, Pyramid, Simd, workers};
 
 use crate::{
-    Descriptor, OrbConfig,
+    Descriptor, Edge, OrbConfig,
     brief::Brief,
     fast::{Corner, FastDetector, FastOptions},
+    flow::patch::{Template, WindowPlace},
     orientation::{direction, moments},
     spread::Spread,
     subpixel::refine,
@@ -14,6 +15,9 @@ use crate::{
 /// Distance of keypoints to the border of their level, px: the rotated pattern reaches 18 px, and smoothing repeats the
 /// border beyond that. As in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MARGIN: usize = 19;
+
+/// Radius of the window in which a keypoint's edge is measured, px of its level: that of flow's windows.
+const EDGE_RADIUS: usize = 7;
 
 /// Minimum number of keypoints per thread for descriptors: some 50 us of work. Chosen: less is not worth a thread.
 const DESCRIBED_TOGETHER: usize = 150;
@@ -31,6 +35,8 @@ pub struct Keypoint {
     pub angle: f32,
     /// FAST score, grey levels, 1..=255.
     pub response: f32,
+    /// The edge it lies on, in the image as recorded.
+    pub edge: Edge,
 }
 
 /// Features of an image: descriptor `i` belongs to keypoint `i`. Sorted by level.
@@ -242,8 +248,18 @@ impl OrbExtractor {
             level: level as u8,
             angle: libm::atan2f(moments.1 as f32, moments.0 as f32),
             response: f32::from(corner.score),
+            edge: self.edge_at(image, x, y),
         };
         let descriptor = self.brief.describe(smooth, x, y, direction(moments));
         (keypoint, descriptor)
+    }
+
+    fn edge_at(&self, image: &GrayImage, x: usize, y: usize) -> Edge {
+        let mut window = Template::new(EDGE_RADIUS);
+        let Some(place) = WindowPlace::new(image, x as f32, y as f32, window.side) else {
+            return Edge::default();
+        };
+        let sums = window.sample(image, place, self.simd);
+        Edge::of(&sums, window.side * window.side)
     }
 }

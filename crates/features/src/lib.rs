@@ -8,6 +8,7 @@ mod avx2;
 mod brief;
 mod config;
 mod descriptor;
+mod edge;
 mod extract;
 mod fast;
 mod flow;
@@ -24,6 +25,7 @@ mod subpixel;
 
 pub use config::OrbConfig;
 pub use descriptor::Descriptor;
+pub use edge::Edge;
 pub use extract::{Features, Keypoint, OrbExtractor};
 pub use flow::{Flow, FlowConfig, FlowMatch};
 pub use grid::FeatureGrid;

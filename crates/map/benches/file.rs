@@ -6,7 +6,7 @@
 use divan::counter::BytesCount;
 use divan::{AllocProfiler, Bencher, black_box};
 use std::sync::Arc;
-use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+use stillpoint_features::{Descriptor, Edge, FeatureGrid, Keypoint};
 use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec3, Vec6};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, Map, NewLandmark};
 
@@ -63,6 +63,7 @@ fn data(random: &mut Random, camera: &Camera, stamp: f64) -> Arc<KeyframeData> {
             level,
             angle: 6.2 * random.share() - 3.1,
             response: (7.0 + 60.0 * random.share()).floor(),
+            edge: Edge::default(),
         }
     };
     let keypoints: Vec<Keypoint> = (0..FEATURES).map(|i| keypoint(i, random)).collect();

@@ -87,7 +87,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::{KeyframeData, NewLandmark};
-    use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+    use stillpoint_features::{Descriptor, Edge, FeatureGrid, Keypoint};
     use stillpoint_geometry::{Camera, Se3, Vec3};
 
     const FEATURES: usize = 6;
@@ -103,6 +103,7 @@ mod tests {
             level: 0,
             angle: 0.0,
             response: 1.0,
+            edge: Edge::default(),
         };
         let grid = FeatureGrid::build(
             &positions,

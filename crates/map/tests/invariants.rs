@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+use stillpoint_features::{Descriptor, Edge, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Se3, Vec3, Vec6};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, Map, NewLandmark};
 
@@ -19,6 +19,7 @@ fn data(id: u32) -> Arc<KeyframeData> {
         level: levels[i],
         angle: 0.0,
         response: 1.0,
+        edge: Edge::default(),
     };
     Arc::new(KeyframeData {
         stamp: f64::from(id),

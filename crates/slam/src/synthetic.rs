@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+use stillpoint_features::{Descriptor, Edge, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, Map, NewLandmark};
@@ -94,6 +94,7 @@ pub(crate) fn data(features: &[Feature]) -> Arc<KeyframeData> {
         level: f.level,
         angle: 0.0,
         response: 1.0,
+        edge: Edge::default(),
     };
     let descriptor = |f: &Feature| {
         let mut words = [0, 1, 2, 3].map(|w| hash(4 * f.look + w));

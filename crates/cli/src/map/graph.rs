@@ -117,6 +117,7 @@ fn measurement(data: &KeyframeData, feature: usize) -> Measurement {
     let depth = data.depth(feature).map(|z| (z, sigma));
     let sigma_px = f64::from(data.sigma_px[feature]);
     Measurement::new(data.position(feature), sigma_px, depth)
+        .on_edge(data.keypoints[feature].edge.vector().into())
 }
 
 /// A loop edge between the live keyframes at its ends: a culled keyframe is replaced by its anchor. `None` between submaps, and where both

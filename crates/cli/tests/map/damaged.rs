@@ -28,10 +28,10 @@ fn invalid_map_files_are_refused_with_a_reason() {
     bytes[good.len() / 2] ^= 1;
     refused(&bytes, &["checksum", "damaged after it was written"]);
     let mut bytes = good.clone();
-    bytes[8] = 2;
+    bytes[8] = 3;
     let checksum = crc32(&bytes[..24]);
     bytes[24..28].copy_from_slice(&checksum.to_le_bytes());
-    refused(&bytes, &["version 2", "a later version"]);
+    refused(&bytes, &["version 3", "a later version"]);
     // The header states a size above the limit.
     let mut bytes = good;
     bytes[23] = 1;

@@ -35,7 +35,7 @@ fn saved_map_matches_the_run() {
     assert_eq!(info["bytes"], bytes.len());
     assert_eq!(info["submaps"].as_array().unwrap().len(), 1);
     assert_eq!(info["submaps"][0]["keyframes"], summary["keyframes"]);
-    assert_eq!(info["format"], 1);
+    assert_eq!(info["format"], 2);
     assert_eq!(info["cameras"][0]["width"], 640);
     assert!(info["observations"].as_u64().unwrap() > landmarks as u64);
     let number = |name: &str| info[name].as_f64().unwrap();

@@ -1,5 +1,6 @@
 //! Alignment of one window at one level: displacement and change of brightness between two images.
 
+use crate::Edge;
 use stillpoint_imaging::{GrayImage, Simd};
 
 use super::{
@@ -43,6 +44,8 @@ pub(crate) struct Aligned {
     pub(crate) brightness: f32,
     /// Remaining mean absolute difference, grey levels.
     pub(crate) residual: f32,
+    /// The edge in the window of the first image.
+    pub(crate) edge: Edge,
 }
 
 #[derive(Clone, Debug)]
@@ -119,6 +122,7 @@ impl Aligner {
             position,
             brightness: f32::from(offset) / 64.0,
             residual,
+            edge: Edge::of(&sums, side * side),
         })
     }
 }
@@ -144,9 +148,7 @@ impl Normal {
     fn new(sums: &GradientSums, count: usize, min_eigenvalue: f64) -> Option<Self> {
         let weight = 1.0 / count as f64;
         let (x, y) = (f64::from(sums.x), f64::from(sums.y));
-        let xx = f64::from(sums.xx) - x * x * weight;
-        let xy = f64::from(sums.xy) - x * y * weight;
-        let yy = f64::from(sums.yy) - y * y * weight;
+        let [xx, xy, yy] = sums.centred(count);
         let half_spread = 0.5 * ((xx - yy) * (xx - yy) + 4.0 * xy * xy).sqrt();
         let smallest = 0.5 * (xx + yy) - half_spread;
         let determinant = xx * yy - xy * xy;

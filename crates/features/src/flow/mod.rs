@@ -11,6 +11,7 @@ mod scales;
 
 pub use config::FlowConfig;
 
+use crate::Edge;
 use align::{Aligned, Aligner, Outcome, Start};
 use scales::Scales;
 use stillpoint_imaging::{Pyramid, Simd, workers};
@@ -31,6 +32,8 @@ pub struct FlowMatch {
     pub residual: f32,
     /// Forward-backward error: distance between the point and the result of tracking back to the previous image, px.
     pub forward_backward: f32,
+    /// The edge around the point in the previous image, along which the position is uncertain.
+    pub edge: Edge,
 }
 
 /// Tracks points from one image to the next, reusing buffers.
@@ -221,6 +224,7 @@ impl Seeker<'_> {
             position: forward.position,
             residual: forward.residual,
             forward_backward,
+            edge: forward.edge,
         })
     }
 

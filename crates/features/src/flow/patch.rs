@@ -42,6 +42,19 @@ pub(crate) struct GradientSums {
     pub(crate) y: i32,
 }
 
+impl GradientSums {
+    /// The structure tensor `[xx, xy, yy]` of a window of `pixels` px, less its mean gradient.
+    pub(crate) fn centred(&self, pixels: usize) -> [f64; 3] {
+        let weight = 1.0 / pixels as f64;
+        let (x, y) = (f64::from(self.x), f64::from(self.y));
+        [
+            f64::from(self.xx) - x * x * weight,
+            f64::from(self.xy) - x * y * weight,
+            f64::from(self.yy) - y * y * weight,
+        ]
+    }
+}
+
 /// Sums over a window of the differences `e` (1/16 grey level, at most 8160) of another window from the template.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub(crate) struct DifferenceSums {

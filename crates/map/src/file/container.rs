@@ -23,7 +23,7 @@ use std::borrow::Cow;
 /// Magic bytes. A byte that is not ASCII and both kinds of line ends reveal a transfer as text.
 pub(super) const MAGIC: [u8; 8] = *b"\x89SPMAP\r\n";
 /// The version written, and the latest readable one.
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 /// Bytes before the first section.
 pub(super) const HEADER: usize = 28;
 /// Length of a file without sections.

@@ -191,6 +191,10 @@ impl<'a> Content<'a> {
         to.column32(self.features(|d, i| d.keypoints[i].angle.to_bits()));
         to.column32(self.features(|d, i| d.keypoints[i].response.to_bits()));
         to.bytes.extend(self.features(|d, i| d.keypoints[i].level));
+        for axis in 0..2 {
+            let edges = self.features(|d, i| d.keypoints[i].edge.to_bytes()[axis]);
+            to.bytes.extend(edges);
+        }
     }
 
     fn positions(&self, to: &mut Writer) {

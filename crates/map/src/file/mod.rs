@@ -63,7 +63,7 @@ impl MapFile {
         let (header, sections) = container::read(bytes)?;
         let split = sections.iter().position(|s| s.kind == Kind::Extension);
         let (own, others) = sections.split_at(split.unwrap_or(sections.len()));
-        let mut map = decode::map(own, bytes.len())?;
+        let mut map = decode::map((own, header.version), bytes.len())?;
         let mut extensions: Vec<Extension> = Vec::new();
         for section in others {
             if section.kind == Kind::Map {

@@ -213,8 +213,11 @@ fn features(k: &Keyframe, levels: usize) -> Result<(), MapFileError> {
         let finite = [p.x, p.y, p.angle, p.response]
             .iter()
             .all(|x| x.is_finite());
-        if !finite || usize::from(p.level) >= levels {
-            let expected = format!("finite numbers and a level below {levels}");
+        let [x, y] = p.edge.vector();
+        let edged = x * x + y * y <= 1.0;
+        if !finite || !edged || usize::from(p.level) >= levels {
+            let expected =
+                format!("finite numbers, a level below {levels}, and an edge of at most 127,");
             return fail("keypoints", i, &expected, format!("{p:?}"));
         }
     }

@@ -5,7 +5,7 @@ mod laws;
 mod submaps;
 
 use std::sync::Arc;
-use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+use stillpoint_features::{Descriptor, Edge, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Se3, Vec3, Vec6};
 use stillpoint_map::{
     Correction, KeyframeData, KeyframeId, LandmarkCorrection, LandmarkId, Map, MapView,
@@ -25,6 +25,7 @@ fn data(id: u32) -> Arc<KeyframeData> {
         level: 0,
         angle: 0.0,
         response: 1.0,
+        edge: Edge::default(),
     };
     Arc::new(KeyframeData {
         stamp: f64::from(id),

@@ -138,7 +138,7 @@ pub(crate) fn match_by_projection(
     data: &KeyframeData,
     predicted: &Se3,
     (earlier, candidates): (&KeyframeData, &[Candidate]),
-    (bounds, radius_px): ([f32; 4], f32),
+    (bounds, level_scales, radius_px): ([f32; 4], &[f32], f32),
     memory: &mut MatchMemory,
 ) -> Matches {
     let (r, t): (Mat3, Vec3) = (predicted.rotation_matrix(), predicted.translation);
@@ -157,7 +157,7 @@ pub(crate) fn match_by_projection(
         let window = Window {
             x,
             y,
-            radius: radius_px * earlier.sigma_px[feature],
+            radius: radius_px * level_scales[usize::from(level)],
             min_level: level.saturating_sub(1),
             max_level: level + 1,
         };
@@ -253,13 +253,13 @@ pub(crate) struct Expected<'a> {
 pub(crate) fn match_expected(
     data: &KeyframeData,
     expected: &Expected<'_>,
-    level_sigmas: &[f32],
+    level_scales: &[f32],
     matches: &mut Matches,
 ) -> bool {
     let window = Window {
         x: expected.pixel[0],
         y: expected.pixel[1],
-        radius: expected.radius_px * level_sigmas[usize::from(expected.level)],
+        radius: expected.radius_px * level_scales[usize::from(expected.level)],
         min_level: expected.level.saturating_sub(1),
         max_level: expected.level,
     };

@@ -4,7 +4,7 @@
 use super::*;
 use crate::config::Config;
 use stillpoint_estimation::{Purpose, rng};
-use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+use stillpoint_features::{Descriptor, Edge, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Mat6, Se3, Vec3, Vec6};
 use stillpoint_map::{KeyframeData, Map, NewLandmark};
 
@@ -53,6 +53,7 @@ pub(super) fn sight(world_from_camera: &Se3, seen: &[(u64, Vec3)]) -> KeyframeDa
         level: 2,
         angle: 0.0,
         response: 50.0,
+        edge: Edge::default(),
     };
     KeyframeData {
         stamp: 0.0,

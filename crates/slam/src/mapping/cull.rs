@@ -216,7 +216,7 @@ mod tests {
     use crate::config::Config;
     use crate::messages::{Exposure, MapperMsg, NewKeyframe};
     use std::sync::Arc;
-    use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+    use stillpoint_features::{Descriptor, Edge, FeatureGrid, Keypoint};
     use stillpoint_geometry::{Camera, Se3};
     use stillpoint_map::{KeyframeData, LandmarkId, NewLandmark};
 
@@ -232,6 +232,7 @@ mod tests {
             level: 0,
             angle: 0.0,
             response: 1.0,
+            edge: Edge::default(),
         };
         Arc::new(KeyframeData {
             stamp: 0.0,

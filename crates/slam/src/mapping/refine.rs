@@ -152,7 +152,7 @@ mod tests {
     use super::*;
     use crate::config::Config;
     use std::sync::Arc;
-    use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+    use stillpoint_features::{Descriptor, Edge, FeatureGrid, Keypoint};
     use stillpoint_geometry::{Camera, Se3, Vec3};
     use stillpoint_map::{KeyframeData, NewLandmark};
 
@@ -179,6 +179,7 @@ mod tests {
             level: 0,
             angle: 0.0,
             response: 1.0,
+            edge: Edge::default(),
         };
         KeyframeData {
             stamp: x,

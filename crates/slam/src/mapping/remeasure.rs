@@ -79,7 +79,7 @@ mod tests {
     use crate::config::Config;
     use crate::messages::{MapperMsg, NewKeyframe};
     use std::sync::Arc;
-    use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+    use stillpoint_features::{Descriptor, Edge, FeatureGrid, Keypoint};
     use stillpoint_geometry::{BrownConrady, Se3, Vec3};
     use stillpoint_map::LandmarkId;
 
@@ -140,6 +140,7 @@ mod tests {
             level: 0,
             angle: 0.0,
             response: 1.0,
+            edge: Edge::default(),
         };
         let bounds = KeyframeData::grid_bounds(&camera);
         KeyframeData {

@@ -17,9 +17,16 @@ pub(crate) struct FlowPair {
     pub(crate) flow_sigma: f64,
     /// Standard deviation of the uncompensated rolling-shutter displacement, px.
     pub(crate) shutter_sigma: f64,
+    /// The image edge along which the flow is uncertain, as in [`stillpoint_features::Edge::vector`].
+    pub(crate) edge: Vec2,
 }
 
 impl FlowPair {
+    /// Length of an offset from an expected position, px, of which the part along an edge counts less.
+    pub(crate) fn length(&self, offset: Vec2) -> f64 {
+        (offset - self.edge * self.edge.dot(&offset)).norm()
+    }
+
     /// Combined standard deviation, px.
     pub(crate) fn sigma(&self) -> f64 {
         libm::hypot(self.flow_sigma, self.shutter_sigma)

@@ -34,7 +34,8 @@ pub(super) struct Vote {
     pub(super) moving: bool,
 }
 
-/// Distance of a feature from its position in a static scene, in the last frame, px; `None` without flow or depth.
+/// Distance of a feature from its position in a static scene, in the last frame, px, with less weight along image edges;
+/// `None` without flow or depth.
 pub(super) fn distance_px(
     camera: &Camera,
     pair: &FlowPair,
@@ -49,7 +50,7 @@ pub(super) fn distance_px(
         return None;
     }
     let expected: Vec2 = camera.project(&p);
-    Some((pair.before - expected).norm())
+    Some(pair.length(pair.before - expected))
 }
 
 /// Likewise for a feature of unknown depth: distance from the segment of its epipolar line for depths from the minimum
@@ -72,7 +73,7 @@ pub(super) fn least_distance_px(
     let (near, far) = (camera.project(&near), camera.project(&far));
     let (along, to) = (far - near, pair.before - near);
     let at = (to.dot(&along) / along.norm_squared().max(1e-12)).clamp(0.0, 1.0);
-    Some((to - at * along).norm())
+    Some(pair.length(to - at * along))
 }
 
 #[derive(Clone, Debug)]
@@ -247,6 +248,7 @@ mod tests {
                 now: camera.project(&p),
                 flow_sigma: 0.1,
                 shutter_sigma: 0.0,
+                edge: Vec2::zeros(),
             };
             let still = distance_px(&camera, &pair(before), z as f32, &last_from_now);
             assert!(still.unwrap() < 1e-3);
@@ -269,6 +271,7 @@ mod tests {
             now: camera.project(&ray),
             flow_sigma: 0.1,
             shutter_sigma: 0.0,
+            edge: Vec2::zeros(),
         }
     }
 
@@ -323,6 +326,7 @@ mod tests {
             now: Vec2::new(1.0, 1.0),
             flow_sigma: 0.1,
             shutter_sigma: 0.0,
+            edge: Vec2::zeros(),
         };
         let distance = |z, pose| distance_px(&camera(), &pair, z, &pose);
         assert_eq!(distance(0.0, Se3::identity()), None);

@@ -271,6 +271,7 @@ fn dark_corners(flow: [Option<f64>; 10], few: bool, detector: bool) -> Vec<bool>
             now,
             flow_sigma: 0.1,
             shutter_sigma: 0.0,
+            edge: Vec2::zeros(),
         }
     };
     let rows = |columns: [f32; 2]| (0..24).map(move |i| [columns[i % 2], 45.0 + 6.0 * i as f32]);

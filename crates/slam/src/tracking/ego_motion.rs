@@ -85,7 +85,6 @@ impl Tracker {
         let pose = exact.map_or(matched, |v| v.camera_from_world);
         notes.counts.frame_matches = matches.count as u32;
         self.bring_to_stamps(data, &mut pairs, &self.motion_to(&pose));
-        self.recheck_flow(data, &mut pairs, &pose);
         Ok(EgoMotion {
             data: measured,
             camera_from_world: pose,

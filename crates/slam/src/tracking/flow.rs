@@ -10,10 +10,6 @@ use stillpoint_geometry::{Se3, Vec2, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::KeyframeData;
 
-/// Distance from the position in a static scene beyond which a feature is searched again, px: flow errs by as much in
-/// blurred images (decision 23).
-const RECHECK_PX: f32 = 1.5;
-
 impl Tracker {
     /// Camera motion for a pose `camera_from_world` of the current frame.
     pub(super) fn motion_to(&self, camera_from_world: &Se3) -> CameraMotion {
@@ -103,42 +99,6 @@ impl Tracker {
         let dt = self.front_end.depth_lag(frame);
         let camera = &self.front_end.observer.camera;
         DepthReader::new(&self.setup.sensor, camera, &frame.depth, velocity, dt)
-    }
-
-    /// Searches features that seem to move again, near their positions in a static scene: repetitive textures such as
-    /// keyboards or shirts are ambiguous. A match there is static.
-    pub(super) fn recheck_flow(
-        &mut self,
-        data: &KeyframeData,
-        pairs: &mut [Option<FlowPair>],
-        camera_from_world: &Se3,
-    ) {
-        let Some(last) = self.state.last() else {
-            return;
-        };
-        let last_from_now = last.world_from_camera.inverse() * camera_from_world.inverse();
-        let motion = self.motion_to(camera_from_world);
-        let before = motion.at_before();
-        let shutter = self.front_end.shutter();
-        let mut again = std::mem::take(&mut self.memory.again);
-        again.clear();
-        for (i, pair) in pairs.iter().enumerate() {
-            let Some((pair, z)) = pair.as_ref().zip(data.depth(i)) else {
-                continue;
-            };
-            let p = last_from_now.transform(&data.camera.backproject(pair.now, z));
-            if p.z <= 0.05 {
-                continue;
-            }
-            if (pair.before - data.camera.project(&p)).norm() > f64::from(RECHECK_PX) {
-                let raw = shutter.exposed(&p, before.as_ref());
-                again.push((i, [raw.x as f32, raw.y as f32]));
-            }
-        }
-        let (search, images) = self.front_end.observer.flow();
-        search.search_again(&images, &again, RECHECK_PX, pairs);
-        self.memory.again = again;
-        self.bring_to_stamps(data, pairs, &motion);
     }
 }
 

@@ -77,26 +77,6 @@ impl FlowSearch {
         self.find(images, Reach::Near, pairs);
     }
 
-    /// Searches features again near their predictions, and replaces the pairs of those found within `radius` px.
-    pub(super) fn search_again(
-        &mut self,
-        images: &FlowImages<'_>,
-        guesses: &[Guess],
-        radius: f32,
-        pairs: &mut [Option<FlowPair>],
-    ) {
-        let _span = tracing::info_span!("flow").entered();
-        self.sought.clear();
-        self.sought.extend(guesses);
-        self.look_up(images, Reach::Near);
-        let off = |[x, y]: [f32; 2], at: [f32; 2]| libm::hypotf(x - at[0], y - at[1]);
-        for ((i, expected), found) in self.sought.iter().zip(&self.found) {
-            if let Some(found) = found.filter(|f| off(f.position, *expected) < radius) {
-                pairs[*i] = Some(pair(images, *i, &found));
-            }
-        }
-    }
-
     /// Searches the pending features and stores the pairs found.
     fn find(&mut self, images: &FlowImages<'_>, reach: Reach, pairs: &mut [Option<FlowPair>]) {
         self.look_up(images, reach);
@@ -148,6 +128,7 @@ fn pair(images: &FlowImages<'_>, feature: usize, found: &FlowMatch) -> FlowPair 
         now: images.undistorted[feature],
         flow_sigma: flow_sigma(f64::from(found.forward_backward)),
         shutter_sigma: 0.0,
+        edge: found.edge.vector().into(),
     }
 }
 
@@ -160,6 +141,7 @@ fn flow_sigma(forward_backward: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use stillpoint_features::Edge;
 
     #[test]
     fn predictions_are_corrected_by_the_median_offset() {
@@ -168,6 +150,7 @@ mod tests {
                 position: [x, -1.0],
                 residual: 0.0,
                 forward_backward: 0.0,
+                edge: Edge::default(),
             })
         };
         let mut search = FlowSearch::new(Simd::Scalar);

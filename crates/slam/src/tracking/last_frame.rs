@@ -53,7 +53,8 @@ impl Tracker {
         for radius in [MOTION_RADIUS_PX, 3.0 * MOTION_RADIUS_PX] {
             let matches = {
                 let _span = tracing::info_span!("match").entered();
-                let area = (bounds, radius);
+                let level_scales = self.front_end.observer.level_scales();
+                let area = (bounds, level_scales, radius);
                 match_by_projection(data, predicted, earlier, area, &mut memory.matching)
             };
             if matches.count >= min_inliers {

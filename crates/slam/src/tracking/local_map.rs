@@ -64,8 +64,8 @@ struct Memory {
 pub(super) struct SearchArea<'a> {
     /// Bounds of undistorted pixels, `[min_x, min_y, max_x, max_y]`.
     pub(super) bounds: [f32; 4],
-    /// Standard deviation of a keypoint on each level, px.
-    pub(super) level_sigmas: &'a [f32],
+    /// Pixels of the image per pixel of each level.
+    pub(super) level_scales: &'a [f32],
     /// Factor on the radius of the windows.
     pub(super) radius_px: f32,
 }
@@ -92,7 +92,7 @@ impl Tracker {
         let reference = self.map.local.update(&self.map.view, reference, &matches);
         let area = SearchArea {
             bounds: self.front_end.observer.bounds(),
-            level_sigmas: self.front_end.observer.level_sigmas(),
+            level_scales: self.front_end.observer.level_scales(),
             radius_px: LOCAL_RADIUS,
         };
         let sight = DepthSight {
@@ -253,7 +253,7 @@ impl LocalMap {
     ) -> LocalSearch {
         let SearchArea {
             bounds,
-            level_sigmas,
+            level_scales,
             radius_px,
         } = *area;
         self.marked.clear();
@@ -264,9 +264,9 @@ impl LocalMap {
             }
         }
         let viewpoint = Viewpoint::new(camera_from_world, &data.camera, bounds);
-        let scale = f64::from(level_sigmas.get(1).copied().unwrap_or(1.2));
+        let scale = f64::from(level_scales.get(1).copied().unwrap_or(1.2));
         let log_scale = libm::log(scale.max(1.01));
-        let top_level = level_sigmas.len().saturating_sub(1) as f64;
+        let top_level = level_scales.len().saturating_sub(1) as f64;
         let Memory {
             visible,
             missed,
@@ -299,7 +299,7 @@ impl LocalMap {
                 level,
                 radius_px: radius_px * if frontal { 2.5 } else { 4.0 },
             };
-            if match_expected(data, &expected, level_sigmas, matches) {
+            if match_expected(data, &expected, level_scales, matches) {
                 seen(e.id, Sight::Open);
             } else {
                 missed.push((e.id, visible.point));

@@ -20,8 +20,6 @@ pub(super) struct Memory {
     /// Points seen in the last frame.
     pub(super) candidates: Vec<Candidate>,
     pub(super) pixels: Vec<[f32; 2]>,
-    /// Features to search again, with predicted raw pixels.
-    pub(super) again: Vec<Guess>,
     pub(super) pairs: Lists<Option<FlowPair>>,
     pub(super) guesses: Lists<Guess>,
     pub(super) rows: Lists<RowPair>,

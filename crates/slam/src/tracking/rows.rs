@@ -71,8 +71,7 @@ fn seen_twice(last: &LastFrame, solution: &Solution) -> Vec<RowPair> {
             now: pixel(data, i),
             before: pixel(&last.data, before),
             z: data.depth(i)?,
-            // Keypoint deviations hold for arbitrary views; between consecutive frames they are half as large.
-            sigma: 0.5 * libm::hypot(sigmas[0], sigmas[1]),
+            sigma: libm::hypot(sigmas[0], sigmas[1]),
         })
     };
     let matches = solution.matches.iter().enumerate();

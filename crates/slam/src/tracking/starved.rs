@@ -118,7 +118,7 @@ impl Tracker {
     ) -> Matches {
         let area = SearchArea {
             bounds: self.front_end.observer.bounds(),
-            level_sigmas: self.front_end.observer.level_sigmas(),
+            level_scales: self.front_end.observer.level_scales(),
             radius_px: factor * LOCAL_RADIUS,
         };
         let open = |_: &_| Sight::Open;

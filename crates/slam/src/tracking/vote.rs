@@ -244,7 +244,8 @@ impl Tracker {
             let sigma_px = libm::hypot(SIGMA_PX, SIGMAS * pair.sigma());
             Some(MotionPair {
                 point: data.camera.backproject(pair.now, z),
-                measurement: Measurement::new(pair.before, sigma_px, Some((before.z, sigma))),
+                measurement: Measurement::new(pair.before, sigma_px, Some((before.z, sigma)))
+                    .on_edge(pair.edge),
                 // From the last frame, whose surfaces are judged already; those of this frame need its pose first.
                 weight: self.filter.say(pair.before_raw),
             })

@@ -1,7 +1,7 @@
 //! A synthetic world along a circle, a walk in it, and the map made by a drifting camera.
 
 use super::estimation::{Purpose, Rng, rng};
-use super::features::{Descriptor, FeatureGrid, Keypoint};
+use super::features::{Descriptor, Edge, FeatureGrid, Keypoint};
 use super::geometry::{Camera, Se3, Vec3, Vec6};
 use super::map::{KeyframeData, KeyframeId, LandmarkId, Map, MapView, NewLandmark};
 use std::collections::BTreeMap;
@@ -117,6 +117,7 @@ impl World {
                 level: 2,
                 angle: 0.0,
                 response: 50.0,
+                edge: Edge::default(),
             });
             data.positions.push([x as f32, y as f32]);
             data.sigma_px.push(1.44);
@@ -134,6 +135,7 @@ impl World {
                 level: 2,
                 angle: 0.0,
                 response: 20.0,
+                edge: Edge::default(),
             });
             data.positions.push(at);
             data.sigma_px.push(1.44);

@@ -7,7 +7,7 @@ use super::{Source, descriptors, pose, reader};
 use crate::{Keyframe, KeyframeData, KeyframeId, LandmarkId, SubmapId};
 use std::ops::Range;
 use std::sync::Arc;
-use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+use stillpoint_features::{Descriptor, Edge, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Se3};
 
 /// Stored attributes of a live keyframe.
@@ -106,7 +106,7 @@ struct Columns {
 
 impl Columns {
     fn read(source: &Source<'_>, count: usize) -> Result<Self, MapFileError> {
-        let keypoints = keypoints(&source.bytes(Part::Keypoints)?, count)?;
+        let keypoints = keypoints(&source.bytes(Part::Keypoints)?, source.version, count)?;
         let bytes = source.bytes(Part::Positions)?;
         let mut from = reader(Part::Positions, &bytes);
         let (x, y) = (from.column32(count)?, from.column32(count)?);
@@ -151,11 +151,16 @@ impl Columns {
     }
 }
 
-fn keypoints(bytes: &[u8], count: usize) -> Result<Vec<Keypoint>, MapFileError> {
+/// Format 1 has no edges: all keypoints count as ideal corners.
+fn keypoints(bytes: &[u8], format: u32, count: usize) -> Result<Vec<Keypoint>, MapFileError> {
     let mut from = reader(Part::Keypoints, bytes);
     let (x, y) = (from.floats32(count)?, from.floats32(count)?);
     let (angle, response) = (from.floats32(count)?, from.floats32(count)?);
     let levels = from.take(count, 1)?;
+    let edges = match format {
+        1 => None,
+        _ => Some([from.take(count, 1)?, from.take(count, 1)?]),
+    };
     from.end()?;
     let keypoint = |i: usize| Keypoint {
         x: x[i],
@@ -163,6 +168,7 @@ fn keypoints(bytes: &[u8], count: usize) -> Result<Vec<Keypoint>, MapFileError> 
         level: levels[i],
         angle: angle[i],
         response: response[i],
+        edge: edges.map_or_else(Edge::default, |[x, y]| Edge::from_bytes([x[i], y[i]])),
     };
     Ok((0..count).map(keypoint).collect())
 }

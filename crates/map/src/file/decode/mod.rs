@@ -16,8 +16,11 @@ use stillpoint_features::Descriptor;
 use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
 use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec3};
 
-/// Decodes the sections of a file of `file_length` bytes.
-pub(super) fn map(sections: &[Stored<'_>], file_length: usize) -> Result<Map, MapFileError> {
+/// Decodes the sections of a file of this version of the format and of `file_length` bytes.
+pub(super) fn map(
+    (sections, version): (&[Stored<'_>], u32),
+    file_length: usize,
+) -> Result<Map, MapFileError> {
     let names = || sections.iter().map(|s| s.name);
     if !names().eq(Part::ALL.iter().map(|p| p.name())) {
         let found: Vec<&str> = names().take(2 * Part::ALL.len()).collect();
@@ -27,7 +30,7 @@ pub(super) fn map(sections: &[Stored<'_>], file_length: usize) -> Result<Map, Ma
             found.join(", ").escape_debug(),
         ));
     }
-    let source = Source { sections };
+    let source = Source { sections, version };
     let (version, level_scales, counts) = header(&source)?;
     let cameras = cameras(&source, &counts)?;
     let records = keyframes::records(&source, &counts, &cameras)?;
@@ -80,6 +83,8 @@ pub(super) fn map(sections: &[Stored<'_>], file_length: usize) -> Result<Map, Ma
 /// The sections, known to be those of [`Part::ALL`].
 struct Source<'a> {
     sections: &'a [Stored<'a>],
+    /// Of the format.
+    version: u32,
 }
 
 impl<'a> Source<'a> {

@@ -6,7 +6,7 @@ use crate::{
     Correction, KeyframeData, KeyframeId, KeyframeSlot, LandmarkId, LoopEdge, Map, NewLandmark,
 };
 use std::sync::Arc;
-use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+use stillpoint_features::{Descriptor, Edge, FeatureGrid, Keypoint};
 use stillpoint_geometry::{BrownConrady, Camera, Mat6, Se3, Vec3, Vec6};
 
 pub(super) struct Random(pub(super) u64);
@@ -49,12 +49,14 @@ fn cameras() -> [Camera; 2] {
 pub(super) fn data(random: &mut Random, features: u32, stamp: f64) -> Arc<KeyframeData> {
     let camera = cameras()[random.below(2) as usize];
     let n = features as usize;
-    let keypoint = |_| Keypoint {
+    let keypoint = |i: usize| Keypoint {
         x: random.below(camera.width) as f32,
         y: random.below(camera.height) as f32,
         level: random.below(LEVELS as u32) as u8,
         angle: 6.0 * random.share() - 3.0,
         response: 1.0 + random.below(255) as f32,
+        // Not random, so that the file of version 1, which has no edges, is that of the same numbers.
+        edge: Edge::from_bytes([(i % 80) as u8, 255 - (i % 70) as u8]),
     };
     let keypoints: Vec<Keypoint> = (0..n).map(keypoint).collect();
     let positions: Vec<[f32; 2]> = keypoints

@@ -1,4 +1,4 @@
-//! Files of other versions and of other programs, and the first file of version 1.
+//! Files of other versions and of other programs, and the first file of each version.
 
 use super::made::{extensions, random_map, words};
 use crate::Map;
@@ -7,14 +7,14 @@ use crate::file::{MapFile, MapFileError, container};
 #[test]
 fn newer_versions_and_foreign_files_are_reported() {
     let mut bytes = Map::new(8, 1.2).to_bytes(&[]).unwrap();
-    bytes[8] = 2;
+    bytes[8] = 3;
     let e = MapFile::from_bytes(&bytes).unwrap_err();
     assert!(matches!(e, MapFileError::Checksum { .. }), "{e}");
     let checksum = crc32fast::hash(&bytes[..24]);
     bytes[24..28].copy_from_slice(&checksum.to_le_bytes());
     let expected = MapFileError::Newer {
-        found: 2,
-        supported: 1,
+        found: 3,
+        supported: 2,
     };
     assert_eq!(MapFile::from_bytes(&bytes).unwrap_err(), expected);
     for other in [
@@ -34,18 +34,37 @@ fn newer_versions_and_foreign_files_are_reported() {
     assert!(e.to_string().contains("its end is missing"), "{e}");
 }
 
-/// The first file of version 1. It must stay readable, as the same map.
-const GOLDEN: &[u8] = include_bytes!("../../../tests/data/map-v1.spmap");
+/// The first file of each version. They must stay readable, as the same map.
+const GOLDEN: [&[u8]; 2] = [
+    include_bytes!("../../../tests/data/map-v1.spmap"),
+    include_bytes!("../../../tests/data/map-v2.spmap"),
+];
 
 #[test]
-fn first_version_1_file_can_be_read() {
-    let file = MapFile::from_bytes(GOLDEN).unwrap();
-    assert_eq!(words(&file.map), words(&random_map(7, 12, 400)));
-    assert_eq!(file.extensions, extensions());
-    assert_eq!(file.format, 1);
+fn first_file_of_each_version_can_be_read() {
+    let all = words(&random_map(7, 12, 400));
+    let bare = without_edges(&all);
+    assert!(bare.len() < all.len());
+    for (golden, version) in GOLDEN.into_iter().zip(1..) {
+        let file = MapFile::from_bytes(golden).unwrap();
+        let expected = if version == 1 { &bare } else { &all };
+        assert_eq!(&words(&file.map), expected);
+        assert_eq!(file.extensions, extensions());
+        assert_eq!(file.format, version);
+    }
 }
 
-/// Creates the first file of a later version; that of version 1 stays.
+/// The words of the same map where no keypoint has an edge.
+fn without_edges(words: &str) -> String {
+    let mut parts = words.split("Edge([");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |bare, part| {
+        let rest = part.split_once(']').map_or(part, |(_, rest)| rest);
+        bare + "Edge([0, 0]" + rest
+    })
+}
+
+/// Creates the first file of a later version; those of earlier ones stay.
 #[test]
 #[ignore = "writes a golden file"]
 #[allow(clippy::disallowed_methods)] // A tool to make test data.

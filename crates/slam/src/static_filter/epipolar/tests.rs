@@ -64,6 +64,7 @@ impl Scene {
                 now: pixel,
                 flow_sigma: 0.1,
                 shutter_sigma: 0.0,
+                edge: Vec2::zeros(),
             }));
         }
         scene

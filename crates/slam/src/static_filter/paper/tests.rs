@@ -196,6 +196,7 @@ fn judged(config: &StaticFilterConfig, depths: [f32; 2], weight: f64) -> Vec<boo
             now: at,
             flow_sigma: 0.1,
             shutter_sigma: 0.0,
+            edge: Vec2::zeros(),
         })
     };
     let pairs: Vec<Option<FlowPair>> = features.iter().map(pair).collect();

@@ -3,7 +3,7 @@
 use super::super::Notes;
 use super::*;
 use crate::config::Config;
-use crate::synthetic::{WALL, aside, at, blocks, wall, wall_camera};
+use crate::synthetic::{blocks, wall, wall_camera};
 use std::sync::Arc;
 use stillpoint_geometry::{Vec3, so3};
 use stillpoint_imaging::{FrameId, Simd};
@@ -56,70 +56,6 @@ fn no_previous_frame_gives_no_flow() {
     tracker.state.lose(FrameId(1));
     let (pairs, rest) = tracker.flow(&data, &Se3::identity());
     assert!(pairs.is_empty() && rest.is_empty());
-}
-
-/// Repetition of the right half of a wall, px.
-const PERIOD: usize = 10;
-
-/// A repetitive wall, except for its left fifth.
-fn repeated(x: usize, y: usize) -> u8 {
-    if x < WALL[0] / 5 + PERIOD {
-        return blocks(1, x, y);
-    }
-    let column = (x % PERIOD) / 5;
-    blocks(2, 4 * column, y)
-}
-
-/// At first the pattern seems static; searched again from the predicted position, it has moved by one period like the
-/// rest.
-#[test]
-fn recheck_resolves_repetitive_texture() {
-    let shown = |id, shift| wall(id, move |x, y| repeated(x + shift, y));
-    let config = Config::default();
-    let (mut tracker, data) = second_frame(shown(0, 0), shown(1, PERIOD), &config);
-    let (mut pairs, _) = tracker.flow(&data, &Se3::identity());
-    let (shift, right) = (PERIOD as f64, [180.0, 300.0]);
-    let before = off(&data, &pairs, shift, right);
-    assert!(before.len() > 50, "{}", before.len());
-    assert!(share(&before, |e| e > 9.0) > 0.8, "{before:?}");
-
-    let there = at(aside(shift), 0.0, 0.0).inverse();
-    tracker.recheck_flow(&data, &mut pairs, &there);
-    let after = off(&data, &pairs, shift, right);
-    assert_eq!(after.len(), before.len());
-    assert!(share(&after, |e| e < 0.5) > 0.97, "{after:?}");
-}
-
-#[test]
-fn recheck_keeps_true_motion() {
-    // A board moves with the camera, 6 px off.
-    let board = |x: usize, y: usize| (60..140).contains(&x) && (60..180).contains(&y);
-    let shown = |id, shift| {
-        wall(id, move |x, y| {
-            if board(x, y) {
-                blocks(3, x, y)
-            } else {
-                blocks(1, x + shift, y)
-            }
-        })
-    };
-    let (mut tracker, data) = second_frame(shown(0, 0), shown(1, 6), &Config::default());
-    let there = at(aside(6.0), 0.0, 0.0).inverse();
-    let (mut pairs, _) = tracker.flow(&data, &there);
-    tracker.recheck_flow(&data, &mut pairs, &there);
-    let on_board = |i: usize| {
-        let k = &data.keypoints[i];
-        board(k.x as usize - 10, k.y as usize - 10) && board(k.x as usize + 10, k.y as usize + 10)
-    };
-    let moved: Vec<f64> = (0..data.len())
-        .filter(|i| on_board(*i))
-        .filter_map(|i| pairs[i].as_ref())
-        .map(|pair| (pair.before - pair.now).norm())
-        .collect();
-    assert!(moved.len() > 10, "{}", moved.len());
-    assert!(share(&moved, |e| e < 0.5) > 0.9, "{moved:?}");
-    let rest = off(&data, &pairs, 6.0, [160.0, 300.0]);
-    assert!(share(&rest, |e| e < 0.3) > 0.95, "{rest:?}");
 }
 
 /// A camera that rotates by 1 rad/s with a readout of 20 ms: over the image height columns lean by 0.02 rad of 260 px.

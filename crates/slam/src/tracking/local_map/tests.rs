@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 const SIGMAS: [f32; 8] = [1.0, 1.2, 1.44, 1.728, 2.074, 2.488, 2.986, 3.583];
 const AREA: SearchArea<'_> = SearchArea {
     bounds: [0.0, 0.0, 639.0, 479.0],
-    level_sigmas: &SIGMAS,
+    level_scales: &SIGMAS,
     radius_px: LOCAL_RADIUS,
 };
 
