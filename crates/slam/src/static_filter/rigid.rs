@@ -319,15 +319,7 @@ mod tests {
 
     #[test]
     fn no_depth_gives_no_distance() {
-        let pair = FlowPair {
-            before_raw: [0.0; 2],
-            before: Vec2::new(1.0, 1.0),
-            before_exposed: Vec2::new(1.0, 1.0),
-            now: Vec2::new(1.0, 1.0),
-            flow_sigma: 0.1,
-            shutter_sigma: 0.0,
-            edge: Vec2::zeros(),
-        };
+        let pair = pair_of(&Se3::identity(), Vec3::z(), 1.0, Vec3::zeros());
         let distance = |z, pose| distance_px(&camera(), &pair, z, &pose);
         assert_eq!(distance(0.0, Se3::identity()), None);
         assert!(distance(1.0, Se3::identity()).is_some());
