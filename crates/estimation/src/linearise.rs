@@ -24,7 +24,7 @@ pub fn linearise(k: &Intrinsics, m: &Measurement, p: &Vec3) -> Linearised {
     let (a, b) = (k.fx * iz, k.fy * iz);
     let (x, y) = (p.x * iz, p.y * iz);
     let iz2 = iz * iz;
-    // On an edge, both pixel rows are those of the evened residual.
+    // On an edge the residual mixes both pixel coordinates, and so do its derivatives.
     let columns = [[a, 0.0], [0.0, b], [-a * x, -b * y]].map(|column| m.even(column));
     let [u, v] = [0, 1].map(|row| columns.map(|column| column[row]));
     let by_point = [u, v, [0.0, 0.0, -iz2]];

@@ -32,7 +32,7 @@ impl From<&Camera> for Intrinsics {
 pub struct Measurement {
     /// Undistorted pixel.
     pub pixel: Vec2,
-    /// 1 / variance of the pixel, 1/px^2, in any direction but that of `edge`.
+    /// 1 / variance of the pixel across `edge`, 1/px^2; without an edge, in any direction.
     pub pixel_weight: f64,
     /// 1 / depth, 1/m.
     pub inverse_depth: f64,
@@ -66,7 +66,8 @@ impl Measurement {
         Self { edge, ..self }
     }
 
-    /// Scales the part of an offset along the edge to the deviation across it.
+    /// Shortens the part of an offset along the edge by the ratio of the deviations, so that both directions have that
+    /// across it.
     #[inline]
     pub(crate) fn even(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let along = self.edge.x * u + self.edge.y * v;

@@ -5,8 +5,8 @@ use crate::camera_motion::{MotionOptions, MotionPair, believed};
 use crate::two_view::{BLOCKS_PER_LOOK, LANES};
 use stillpoint_geometry::Se3;
 
-/// [`LANES`] pairs: points (m), pixels relative to the principal point (px), inverse depths (1/m), edges, and weights of the
-/// squared residuals divided by the gate.
+/// [`LANES`] pairs: points (m), pixels relative to the principal point (px), inverse depths (1/m), edges, and weights of
+/// the squared residuals divided by the gate.
 #[derive(Clone, Copy, Debug, Default)]
 struct Block {
     x: [f64; LANES],

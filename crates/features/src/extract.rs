@@ -16,7 +16,8 @@ use crate::{
 /// border beyond that. As in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MARGIN: usize = 19;
 
-/// Radius of the window in which a keypoint's edge is measured, px of its level: that of flow's windows.
+/// Radius of the window in which a keypoint's edge is measured, px of its level: that of the windows of flow
+/// ([`crate::FlowConfig`]), with which it was measured (decision 56).
 const EDGE_RADIUS: usize = 7;
 
 /// Minimum number of keypoints per thread for descriptors: some 50 us of work. Chosen: less is not worth a thread.

@@ -31,6 +31,38 @@ fn extraction_gives_about_the_requested_number() {
     assert_eq!(features.keypoints.len(), features.descriptors.len());
 }
 
+/// Squares, and a long border in steps of 2 px below them.
+#[test]
+fn corners_have_no_edge_and_points_of_a_line_lie_along_it() {
+    const SLOPE: f32 = 0.15;
+    let square = |x: usize, y: usize| y < 120 && x % 80 > 40 && y % 60 > 20;
+    let border = |x: f32| 170.0 + 2.0 * (0.5 * SLOPE * x).floor();
+    let pixel = |i: usize| {
+        let (x, y) = (i % 320, i / 320);
+        if square(x, y) || y as f32 > border(x as f32) {
+            200
+        } else {
+            60
+        }
+    };
+    let image = GrayImage::from_vec(320, 280, (0..320 * 280).map(pixel).collect()).unwrap();
+    let (mut corners, mut line) = (0, 0);
+    for k in extract(&image, Simd::detect()).keypoints {
+        let [x, y] = k.edge.vector();
+        let length = x * x + y * y;
+        if k.y < 125.0 && k.level == 0 {
+            assert!(length < 0.1, "{k:?}");
+            corners += 1;
+        } else if (k.y - border(k.x)).abs() < 6.0 && k.level == 0 {
+            assert!(length > 0.4, "{k:?}");
+            let across = (y - f64::from(SLOPE) * x).abs() / length.sqrt();
+            assert!(across < 0.15, "{k:?}");
+            line += 1;
+        }
+    }
+    assert!(corners > 10 && line > 10, "{corners} {line}");
+}
+
 #[test]
 fn features_are_spread_over_image_and_levels() {
     let features = extract(&render(640, 480, |x, y| (x, y)), Simd::detect());

@@ -7,8 +7,8 @@ use stillpoint_imaging::Simd;
 use stillpoint_simulator::{Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, CovarianceLog, Event, PoseCovariance, System, covariance_of_motion};
 
-/// 13 m in 15 s, from one room to another: many views away from the start.
-const FRAMES: usize = 450;
+/// 20 s from one room to another: many views away from the start.
+const FRAMES: usize = 600;
 
 fn timed((stamp, world_from_camera): (f64, Se3)) -> TimedPose {
     TimedPose {

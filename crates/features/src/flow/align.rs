@@ -44,8 +44,8 @@ pub(crate) struct Aligned {
     pub(crate) brightness: f32,
     /// Remaining mean absolute difference, grey levels.
     pub(crate) residual: f32,
-    /// The edge in the window of the first image.
-    pub(crate) edge: Edge,
+    /// Of the window of the first image.
+    pub(crate) gradients: GradientSums,
 }
 
 #[derive(Clone, Debug)]
@@ -64,6 +64,11 @@ impl Aligner {
             min_eigenvalue: f64::from(config.min_eigenvalue),
             simd,
         }
+    }
+
+    /// The edge in a window with these gradients.
+    pub(crate) fn edge(&self, gradients: &GradientSums) -> Edge {
+        Edge::of(gradients, self.template.side * self.template.side)
     }
 
     /// Moves the window of the second image from `start` until it matches that around `point` (px) of the first.
@@ -122,7 +127,7 @@ impl Aligner {
             position,
             brightness: f32::from(offset) / 64.0,
             residual,
-            edge: Edge::of(&sums, side * side),
+            gradients: sums,
         })
     }
 }

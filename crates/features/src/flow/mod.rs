@@ -224,7 +224,7 @@ impl Seeker<'_> {
             position: forward.position,
             residual: forward.residual,
             forward_backward,
-            edge: forward.edge,
+            edge: self.aligner.edge(&forward.gradients),
         })
     }
 

@@ -217,7 +217,7 @@ fn features(k: &Keyframe, levels: usize) -> Result<(), MapFileError> {
         let edged = x * x + y * y <= 1.0;
         if !finite || !edged || usize::from(p.level) >= levels {
             let expected =
-                format!("finite numbers, a level below {levels}, and an edge of at most 127,");
+                format!("finite numbers, a level below {levels}, and an edge no longer than 127,");
             return fail("keypoints", i, &expected, format!("{p:?}"));
         }
     }

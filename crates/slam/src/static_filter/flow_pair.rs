@@ -32,3 +32,28 @@ impl FlowPair {
         libm::hypot(self.flow_sigma, self.shutter_sigma)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn offset_along_an_edge_counts_less() {
+        let pair = |edge: Vec2| FlowPair {
+            before_raw: [0.0; 2],
+            before_exposed: Vec2::zeros(),
+            before: Vec2::zeros(),
+            now: Vec2::zeros(),
+            flow_sigma: 0.1,
+            shutter_sigma: 0.0,
+            edge,
+        };
+        let (along, across) = (Vec2::new(5.0, 0.0), Vec2::new(0.0, 5.0));
+        let edge = pair(Vec2::new(0.9, 0.0));
+        assert!((edge.length(along) - 0.95).abs() < 1e-12);
+        assert!((edge.length(across) - 5.0).abs() < 1e-12);
+        // Control: at a corner both count alike.
+        let corner = pair(Vec2::zeros());
+        assert!((corner.length(along) - 5.0).abs() < 1e-12);
+    }
+}

@@ -34,8 +34,8 @@ pub(super) struct Vote {
     pub(super) moving: bool,
 }
 
-/// Distance of a feature from its position in a static scene, in the last frame, px, with less weight along image edges;
-/// `None` without flow or depth.
+/// Distance of a feature from its position in a static scene, in the last frame, px, as [`FlowPair::length`]; `None`
+/// without flow or depth.
 pub(super) fn distance_px(
     camera: &Camera,
     pair: &FlowPair,

@@ -16,8 +16,8 @@ use stillpoint_map::KeyframeData;
 const MEASURED_TOGETHER: usize = 250;
 
 /// Standard deviation of a keypoint's position on the finest level, across its edge, px. Measured by the distance of
-/// matches from their landmarks: 0.1 to 0.5 px. With it errors are 0.8 times as large as with the 1 px of ORB-SLAM2
-/// (Mur-Artal, Tardos 2017; decision 56).
+/// matches from their landmarks: 0.1 to 0.5 px. With it and edges errors are 0.8 times as large as with the 1 px of
+/// ORB-SLAM2 (Mur-Artal, Tardos 2017; decision 56).
 const SIGMA_PX: f32 = 0.5;
 
 /// Extracts features and reads their depths, reusing buffers.

@@ -94,8 +94,7 @@ impl Tracker {
     ) -> Option<EgoMotion> {
         if let Some(world_from_camera) = given {
             let camera_from_world = world_from_camera.inverse();
-            let (mut pairs, rest) = self.flow(data, &camera_from_world);
-            self.bring_to_stamps(data, &mut pairs, &self.motion_to(&camera_from_world));
+            let (pairs, rest) = self.flow(data, &camera_from_world);
             let velocity = self.motion_to(&camera_from_world).at_last();
             let data = self.front_end.measure(frame, velocity.as_ref());
             return Some(EgoMotion {

@@ -6,6 +6,7 @@ use crate::file::sections::Part;
 use crate::file::{Extension, MapFile, loops};
 use crate::{Keyframe, KeyframeId, KeyframeSlot, LandmarkId};
 use std::sync::Arc;
+use stillpoint_features::Edge;
 
 /// The error message after `change` of the sections.
 fn refusal(change: impl FnOnce(&mut Vec<Raw>)) -> String {
@@ -148,6 +149,10 @@ fn invalid_map_is_not_written() {
     assert!(
         refuse(|k| Arc::make_mut(&mut k.data).keypoints[0].level = 8).contains("level below 8")
     );
+    let long = |k: &mut Keyframe| {
+        Arc::make_mut(&mut k.data).keypoints[0].edge = Edge::from_bytes([100, 100]);
+    };
+    assert!(refuse(long).contains("edge no longer than 127"));
 }
 
 #[test]
