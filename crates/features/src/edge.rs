@@ -7,7 +7,7 @@ use crate::flow::patch::GradientSums;
 /// the kitchen, up to 1.6 in sharp rendered images (tartanair_office), where the steps of the pixel grid move along an
 /// edge (decision 56). Chosen near the real cameras.
 const ALONG: f64 = 0.7;
-/// Unit of the stored vector, by definition the largest number of a signed byte.
+/// Length of the stored vector on a straight line, in units of a signed byte: by definition its largest number.
 const UNIT: f64 = 127.0;
 
 /// The edge that a window of an image shows. Its [vector](Edge::vector) is the direction along the edge, with a squared

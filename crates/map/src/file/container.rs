@@ -22,7 +22,7 @@ use std::borrow::Cow;
 
 /// Magic bytes. A byte that is not ASCII and both kinds of line ends reveal a transfer as text.
 pub(super) const MAGIC: [u8; 8] = *b"\x89SPMAP\r\n";
-/// The version written, and the latest readable one: by definition, versions count from 1.
+/// The version written, and the latest readable one. Versions count from 1 by definition; 2 adds edges (decision 56).
 pub(super) const VERSION: u32 = 2;
 /// Bytes before the first section.
 pub(super) const HEADER: usize = 28;

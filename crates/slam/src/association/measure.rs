@@ -4,8 +4,8 @@ use stillpoint_estimation::Measurement;
 use stillpoint_geometry::Camera;
 use stillpoint_map::KeyframeData;
 
-/// A feature's undistorted pixel and its depth (m, if any), with standard deviations and
-/// its edge. The edge is that of the recorded image, since a lens hardly turns it.
+/// A feature's undistorted pixel and its depth (m, if any), with standard deviations and its edge. The edge is that of
+/// the recorded image, since a lens hardly turns it.
 pub(crate) fn measurement(data: &KeyframeData, feature: usize) -> Measurement {
     let depth = data
         .depth(feature)
