@@ -1,5 +1,5 @@
-//! Fuses duplicate landmarks by searching landmarks of one keyframe in another, both ways; neighbourhood and search
-//! radius as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+//! Fuses duplicate landmarks by searching landmarks of one keyframe in another, both ways; search radius as in
+//! ORB-SLAM2 (Mur-Artal, Tardos 2017).
 
 use super::{MIN_SHARED, Mapper};
 use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, window_of};
@@ -12,18 +12,11 @@ use stillpoint_map::{KeyframeId, LandmarkId};
 const RADIUS_PX: f32 = 3.0;
 
 impl Mapper {
-    /// Searches the keyframe's landmarks in its first and second neighbours, and theirs in it. A match with another
+    /// Searches the keyframe's landmarks in its neighbours, and theirs in it. A match with another
     /// landmark merges the one with fewer observers into the other; a match with a free feature adds an observation.
     pub(super) fn fuse(&mut self, id: KeyframeId) -> u32 {
         let _span = tracing::info_span!("fuse").entered();
-        let mut targets = self.neighbours(id, self.effort.neighbours as usize);
-        for i in 0..targets.len() {
-            for second in self.neighbours(targets[i], 5) {
-                if second != id && !targets.contains(&second) {
-                    targets.push(second);
-                }
-            }
-        }
+        let targets = self.neighbours(id, self.effort.neighbours as usize);
         let mut fused = 0;
         let own = landmarks_of(self.map.view(), &[id]);
         for target in &targets {
