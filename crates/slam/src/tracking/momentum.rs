@@ -11,12 +11,6 @@ const ACCELERATION: f64 = 1.5;
 /// Time within which a new acceleration is learned, s: decision 44. Without learning, a scene with a carrier that jolts
 /// has 3.8 mm instead of 1.6 (decision 54).
 const LEARNT_WITHIN: f64 = 0.3;
-/// Largest relative change of the variance from a single frame, a factor, since single frames err. Chosen: that of a
-/// position three standard deviations away, whose square is nine times the expected one.
-const MOST_CHANGE: f64 = 8.0;
-/// Largest acceleration that is learned, m/s^2: ten times [`ACCELERATION`], and about twice the 7 m/s^2 of a simulated
-/// carrier that jolts (docs/simulator.md).
-const MOST_ACCELERATION: f64 = 15.0;
 /// Prior of the camera's velocity before anything is known, m/s, one standard deviation along each axis: wide enough
 /// for nearly any camera. A prior of half a metre per second, which is much for a hand, biases the poses of a hand that
 /// moves as fast.
@@ -108,9 +102,9 @@ impl Expected {
         &self.momentum.place
     }
 
-    /// Kalman update: the position is `off` from the prediction, m, with posterior `covariance`, m^2. If it `tells`,
-    /// the innovation also updates the acceleration.
-    pub(super) fn found(&self, off: &Vec3, covariance: Option<Mat3>, tells: bool) -> Momentum {
+    /// Kalman update: the position is `off` from the prediction, m, with posterior `covariance`, m^2. The innovation
+    /// also updates the acceleration.
+    pub(super) fn found(&self, off: &Vec3, covariance: Option<Mat3>) -> Momentum {
         let expected = &self.momentum;
         let Some((covariance, inverse)) = covariance.zip(expected.place.try_inverse()) else {
             return *expected;
@@ -131,11 +125,7 @@ impl Expected {
             place: covariance,
             cross: covariance * gain.transpose(),
             spread: (spread + spread.transpose()) * 0.5,
-            acceleration: if tells {
-                self.accelerated(off, &covariance)
-            } else {
-                expected.acceleration
-            },
+            acceleration: self.accelerated(off, &covariance),
         }
     }
 
@@ -146,9 +136,9 @@ impl Expected {
         if expected <= 0.0 {
             return before;
         }
-        let change = (off.norm_squared() / expected - 1.0).min(MOST_CHANGE);
+        let change = off.norm_squared() / expected - 1.0;
         let share = (self.dt / LEARNT_WITHIN).min(1.0);
-        libm::sqrt(before * before * (1.0 + share * change)).clamp(ACCELERATION, MOST_ACCELERATION)
+        libm::sqrt(before * before * (1.0 + share * change)).max(ACCELERATION)
     }
 }
 

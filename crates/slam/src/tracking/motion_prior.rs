@@ -7,23 +7,17 @@ use super::motion::CameraMotion;
 use stillpoint_estimation::KnownPlace;
 use stillpoint_geometry::{Mat6, Se3, Vec3};
 
-/// Factor on pose errors beyond the variances of the matches: a walking person, or blur, shifts many of them alike.
-/// Measured: with 1.0 the worst start has 58 mm, with 2.5 `kitchen` misses its bar (decision 44).
-const POSE_FACTOR: f64 = 1.5;
+/// Factor on errors of poses and flow votes beyond the variances of their measurements: a walking person, or blur,
+/// shifts many of them alike. Measured: with 1.0 a start has 58 mm, with 2.5 `kitchen` misses its bar (decision 44).
+const COMMON_FACTOR: f64 = 1.5;
 /// Factor added in quadrature for an unsteady rotation under rolling shutter, per pixel of displacement of rows a
-/// quarter of the image from the middle. Measured: without it, and with 2.5 for [`POSE_FACTOR`], the worst start has 74
+/// quarter of the image from the middle. Measured: without it, and with 2.5 for [`COMMON_FACTOR`], the worst start has 74
 /// mm (decision 44).
 const UNSTEADY_FACTOR: f64 = 2.5;
-/// Factor on errors of flow votes beyond the variances of the pairs. Chosen: as large as [`POSE_FACTOR`], for the same
-/// reason.
-const VOTE_FACTOR: f64 = 1.5;
 /// Factor added in quadrature to the error of a pose or vote, times the moving share of the view. The more people are
 /// in view, the more of them are taken for static, and all points of a person err alike from frame to frame (decision
 /// 45). Measured: without it and [`UNSTEADY_FACTOR`] crowds have 1.1 to 1.9 times the error (decision 54).
 const CROWD_FACTOR: f64 = 5.0;
-/// Maximum rolling-shutter displacement by unsteady rotation for a pose to update the acceleration, px. Chosen: as much
-/// as flow errs by (`rows::SIGMA_PX`).
-const CALM_PX: f64 = 0.5;
 /// Duration after the start of a map with at most a tenth moving from which the scene counts as free of people, s.
 /// Measured: with the velocity used from the first frame on, starts follow a man by 226 mm (decision 44).
 const QUIET: f64 = 0.5;
@@ -92,7 +86,7 @@ impl Tracker {
     /// Squared factor on pose errors beyond their matches' variances.
     fn pose_factor(&self, unsteady_px: f64) -> f64 {
         let unsteady = UNSTEADY_FACTOR * unsteady_px;
-        POSE_FACTOR * POSE_FACTOR + unsteady * unsteady + self.crowd_factor()
+        COMMON_FACTOR * COMMON_FACTOR + unsteady * unsteady + self.crowd_factor()
     }
 
     /// The part of it, squared, due to people taken for static. Zero when tracking backwards: relying on the motion
@@ -112,7 +106,7 @@ impl Tracker {
         let (_, expected) = self.expected().filter(|_| !self.wheels_tell())?;
         let r = last.world_from_camera.rotation_matrix().transpose();
         let information = expected.moved.try_inverse()?;
-        let factor = VOTE_FACTOR * VOTE_FACTOR + self.crowd_factor();
+        let factor = COMMON_FACTOR * COMMON_FACTOR + self.crowd_factor();
         Some(KnownPlace {
             in_a: Vec3::zeros(),
             in_b: r * expected.shift,
@@ -131,8 +125,7 @@ impl Tracker {
         let Some((place, expected)) = self.expected() else {
             return motion;
         };
-        let unsteady_px = self.unsteady_px(camera_from_world);
-        let factor = self.pose_factor(unsteady_px);
+        let factor = self.pose_factor(self.unsteady_px(camera_from_world));
         let r = camera_from_world.rotation_matrix();
         let covariance = information.and_then(|information| {
             let mut sum = information / factor;
@@ -142,8 +135,7 @@ impl Tracker {
             Some(r.transpose() * covariance.fixed_view::<3, 3>(0, 0) * r)
         });
         let off = camera_from_world.inverse().translation - place;
-        let tells = unsteady_px < CALM_PX;
-        motion.with(expected.found(&off, covariance, tells))
+        motion.with(expected.found(&off, covariance))
     }
 }
 

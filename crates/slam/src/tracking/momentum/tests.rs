@@ -32,7 +32,7 @@ impl Followed {
         place + Vec3::from(self.noise.map(|s| s * normal(random)))
     }
 
-    fn measure(&mut self, place: &Vec3, tells: bool) {
+    fn measure(&mut self, place: &Vec3, learns: bool) {
         let expected = self.momentum.expect(DT);
         let weight = Mat3::from_diagonal(&Vec3::from(self.noise.map(|s| 1.0 / (s * s))));
         let known = expected.place().try_inverse().unwrap();
@@ -40,7 +40,11 @@ impl Followed {
         let before = self.at + expected.shift;
         let off = covariance * (weight * (place - before));
         self.at = before + off;
-        self.momentum = expected.found(&off, Some(covariance), tells);
+        let acceleration = self.momentum.acceleration;
+        self.momentum = expected.found(&off, Some(covariance));
+        if !learns {
+            self.momentum.acceleration = acceleration;
+        }
     }
 
     /// Tracks a path for `frames` frames. Returns the sum of squared errors of the estimates and of the measurements
@@ -49,14 +53,14 @@ impl Followed {
         &mut self,
         path: impl Fn(f64) -> Vec3,
         frames: u32,
-        tells: bool,
+        learns: bool,
         random: &mut Rng,
     ) -> [f64; 2] {
         let mut sums = [0.0; 2];
         for k in 1..=frames {
             let truth = path(f64::from(k) * DT);
             let measured = self.seen(&truth, random);
-            self.measure(&measured, tells);
+            self.measure(&measured, learns);
             if k > frames / 2 {
                 let errors = [self.at.x - truth.x, measured.x - truth.x];
                 for (sum, e) in sums.iter_mut().zip(errors) {
@@ -163,8 +167,5 @@ fn reversed_momentum_negates_the_prediction() {
     // A prediction over zero time changes nothing.
     let still = there.expect(0.0);
     assert_eq!(still.shift, Vec3::zeros());
-    assert_eq!(
-        still.found(&Vec3::zeros(), None, true).velocity,
-        there.velocity
-    );
+    assert_eq!(still.found(&Vec3::zeros(), None).velocity, there.velocity);
 }

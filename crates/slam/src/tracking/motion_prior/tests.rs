@@ -9,7 +9,7 @@ fn backward_tracking_starts_with_momentum_and_calm_factor() {
     let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
     let mut tracker = Tracker::new(Config::default(), camera, Simd::Scalar);
     tracker.moving_share = 0.5;
-    let calm = POSE_FACTOR * POSE_FACTOR;
+    let calm = COMMON_FACTOR * COMMON_FACTOR;
     assert!(!tracker.knows_momentum());
     assert!(tracker.pose_factor(0.0) > 3.0 * calm);
     tracker.goes_back = true;
