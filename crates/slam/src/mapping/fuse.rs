@@ -12,8 +12,8 @@ use stillpoint_map::{KeyframeId, LandmarkId};
 const RADIUS_PX: f32 = 3.0;
 
 impl Mapper {
-    /// Searches the keyframe's landmarks in its neighbours, and theirs in it. A match with another
-    /// landmark merges the one with fewer observers into the other; a match with a free feature adds an observation.
+    /// Searches the keyframe's landmarks in its neighbours, and theirs in it. A match with another landmark merges the
+    /// one with fewer observers into the other; a match with a free feature adds an observation.
     pub(super) fn fuse(&mut self, id: KeyframeId) -> u32 {
         let _span = tracing::info_span!("fuse").entered();
         let targets = self.neighbours(id, self.effort.neighbours as usize);

@@ -11,8 +11,8 @@ use stillpoint_geometry::{Mat6, Se3, Vec3};
 /// shifts many of them alike. Measured: with 1.0 a start has 58 mm, with 2.5 `kitchen` misses its bar (decision 44).
 const COMMON_FACTOR: f64 = 1.5;
 /// Factor added in quadrature for an unsteady rotation under rolling shutter, per pixel of displacement of rows a
-/// quarter of the image from the middle. Measured: without it, and with 2.5 for [`COMMON_FACTOR`], the worst start has 74
-/// mm (decision 44).
+/// quarter of the image from the middle. Measured: without it, and with 2.5 for [`COMMON_FACTOR`], the worst start has
+/// 74 mm (decision 44).
 const UNSTEADY_FACTOR: f64 = 2.5;
 /// Factor added in quadrature to the error of a pose or vote, times the moving share of the view. The more people are
 /// in view, the more of them are taken for static, and all points of a person err alike from frame to frame (decision
