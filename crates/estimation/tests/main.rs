@@ -7,6 +7,7 @@ mod bundle_adjustment;
 mod camera_motion;
 mod jacobians;
 mod pose;
+mod pose_covariance;
 mod pose_graph;
 mod rigid;
 mod sampling;
