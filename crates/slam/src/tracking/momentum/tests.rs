@@ -147,6 +147,21 @@ fn errors_match_the_stated_covariance() {
     assert!((mean - 6.0).abs() < 0.5, "{mean}");
 }
 
+/// A frame far from its prediction raises the acceleration no more than one three deviations away.
+#[test]
+fn single_frame_has_limited_influence_on_the_acceleration() {
+    let mut camera = Followed::new(TURN);
+    camera.follow(by_hand, 60, true, &mut random(0));
+    let expected = camera.momentum.expect(DT);
+    // Half of the predicted variance is left, so the other half is what the innovation is expected to have.
+    let covariance = expected.place() * 0.5;
+    let deviation = libm::sqrt(covariance.trace());
+    let learned = |n: f64| expected.accelerated(&Vec3::new(n * deviation, 0.0, 0.0), &covariance);
+    assert!((learned(100.0) - learned(3.0)).abs() < 1e-9);
+    // Control: below that, a larger error raises it more.
+    assert!(learned(2.0) > 1.1 * learned(1.0) && learned(3.0) > 1.05 * learned(2.5));
+}
+
 #[test]
 fn position_jump_resets_the_velocity() {
     let mut camera = Followed::new(TURN);
