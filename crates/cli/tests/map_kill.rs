@@ -29,7 +29,7 @@ fn random(state: &mut u64) -> u64 {
 fn map(version: u64) -> Vec<u8> {
     let mut state = version;
     let camera = Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5]);
-    let mut map = Map::new(8, 1.2);
+    let mut map = Map::new(5, 1.45);
     for id in 0..8 + version as u32 {
         let mut px = |most: u64| (random(&mut state) % most) as f32;
         let positions: Vec<[f32; 2]> = (0..1000).map(|_| [px(640), px(480)]).collect();

@@ -158,7 +158,7 @@ fn localize_finds_the_camera_and_keeps_the_map() {
 
     let dir = tempfile::tempdir().unwrap();
     let empty = dir.path().join("empty.spmap");
-    save(&Map::new(8, 1.2), &empty);
+    save(&Map::new(5, 1.45), &empty);
     let case = Case::new();
     let arguments = ["--localize", empty.to_str().unwrap()];
     case.fails(&arguments, &["empty.spmap: expected a map with keyframes"]);
@@ -257,7 +257,7 @@ fn maps_without_overlap_are_not_merged() {
         &["odd.spmap in", "found none", "nothing was written"],
     );
     // As from another camera.
-    let mut zoomed = Map::new(8, 1.2);
+    let mut zoomed = Map::new(5, 1.45);
     for k in read(&map("b")).view().keyframes() {
         let mut data = (*k.data).clone();
         data.camera.fx += 60.0;

@@ -11,7 +11,7 @@ use stillpoint_slam::Subscriber;
 fn astray(moves: &dyn Fn(f64) -> Se3) -> [Arc<MapView>; 2] {
     let right = view();
     let last = (right.keyframes().count() - 1) as f64;
-    let mut map = Map::new(8, 1.2);
+    let mut map = Map::new(5, 1.45);
     let mut correction = Correction::default();
     for (i, k) in right.keyframes().enumerate() {
         let before = moves(i as f64 / last) * k.world_from_camera;

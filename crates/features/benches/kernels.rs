@@ -125,25 +125,25 @@ fn whole_extraction_changing(bencher: Bencher, simd: Simd) {
 #[divan::bench(args = CASES)]
 fn pyramid(bencher: Bencher, (source, simd): (Source, Simd)) {
     let image = picture(source);
-    let mut pyramid = Pyramid::new(8, 1.2, simd);
+    let mut pyramid = Pyramid::new(5, 1.45, simd);
     bencher.bench_local(|| pyramid.build(black_box(&image)));
 }
 
 #[divan::bench(args = CASES)]
 fn blur(bencher: Bencher, (source, simd): (Source, Simd)) {
-    let mut pyramid = Pyramid::new(8, 1.2, simd);
+    let mut pyramid = Pyramid::new(5, 1.45, simd);
     pyramid.build(&picture(source));
     bencher.bench_local(|| pyramid.smooth_all());
 }
 
 /// One set of stages and the images of each level.
 fn levels(source: Source, simd: Simd) -> (Pyramid, Vec<Stages>) {
-    let mut pyramid = Pyramid::new(8, 1.2, simd);
+    let mut pyramid = Pyramid::new(5, 1.45, simd);
     pyramid.build(&picture(source));
     pyramid.smooth_all();
-    let mut stages = vec![Stages::new(simd); 8];
-    let quotas = [323, 224, 156, 108, 75, 52, 36, 25];
-    for level in 0..8 {
+    let mut stages = vec![Stages::new(simd); 5];
+    let quotas = [537, 256, 122, 58, 27];
+    for level in 0..5 {
         stages[level].fast(pyramid.level(level));
         stages[level].spread(pyramid.level(level), quotas[level]);
     }
@@ -167,8 +167,8 @@ fn fast(bencher: Bencher, (source, simd): (Source, Simd)) {
 fn spread(bencher: Bencher, (source, simd): (Source, Simd)) {
     let (pyramid, mut stages) = levels(source, simd);
     bencher.bench_local(|| {
-        let quotas = [323, 224, 156, 108, 75, 52, 36, 25];
-        for level in 0..8 {
+        let quotas = [537, 256, 122, 58, 27];
+        for level in 0..5 {
             black_box(stages[level].spread(pyramid.level(level), quotas[level]));
         }
     });

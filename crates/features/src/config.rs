@@ -9,9 +9,11 @@ pub struct OrbConfig {
     /// Keypoints per image, 100..=10000. 1000 is common in comparable systems at 640x480: fewer lose accuracy, more
     /// cost time in every later stage.
     pub features: usize,
-    /// Pyramid levels, 1..=16. Eight levels of 1.2 cover a change of distance by 3.6.
+    /// Pyramid levels, 1..=16. Five levels of 1.45 cover a change of distance by 4.4; the eight of 1.2 of ORB-SLAM2
+    /// cover 3.6, take a third longer to extract, and give errors 1.04 times as large (decision 60).
     pub levels: usize,
-    /// Scale factor between levels, above 1 up to 2. With 1.2 a corner of any scale is found again at the next level.
+    /// Scale factor between levels, above 1 up to 2. A corner of any scale is at most half a level from the next one:
+    /// with 1.45 its patch differs by 20 % in size.
     pub scale_factor: f32,
     /// FAST threshold, grey levels, 1..=254: how much brighter or darker than the centre the arc must be. 20 is above
     /// sensor noise.
@@ -26,11 +28,11 @@ pub struct OrbConfig {
 
 impl Default for OrbConfig {
     fn default() -> Self {
-        // As in ORB-SLAM2's RGB-D settings (Mur-Artal, Tardos 2017), except for the subpixel refinement.
+        // As in ORB-SLAM2's RGB-D settings (Mur-Artal, Tardos 2017), except for the levels and the subpixel refinement.
         Self {
             features: 1000,
-            levels: 8,
-            scale_factor: 1.2,
+            levels: 5,
+            scale_factor: 1.45,
             fast_threshold: 20,
             fast_threshold_low: 7,
             subpixel: true,

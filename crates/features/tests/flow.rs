@@ -8,7 +8,7 @@ use stillpoint_imaging::{GrayImage, Pyramid, Simd};
 type Matches = Vec<Option<FlowMatch>>;
 
 fn pyramid(image: &GrayImage) -> Pyramid {
-    let mut pyramid = Pyramid::new(8, 1.2, Simd::detect());
+    let mut pyramid = Pyramid::new(5, 1.45, Simd::detect());
     pyramid.build(image);
     pyramid
 }

@@ -27,13 +27,13 @@ fn noise() -> GrayImage {
 #[divan::bench(args = [Simd::Scalar, VECTORS])]
 fn build(bencher: Bencher, simd: Simd) {
     let image = noise();
-    let mut pyramid = Pyramid::new(8, 1.2, simd);
+    let mut pyramid = Pyramid::new(5, 1.45, simd);
     bencher.bench_local(|| pyramid.build(&image));
 }
 
 #[divan::bench(args = [Simd::Scalar, VECTORS])]
 fn smooth(bencher: Bencher, simd: Simd) {
-    let mut pyramid = Pyramid::new(8, 1.2, simd);
+    let mut pyramid = Pyramid::new(5, 1.45, simd);
     pyramid.build(&noise());
     bencher.bench_local(|| pyramid.smooth_all());
 }

@@ -55,8 +55,8 @@ fn camera() -> Camera {
 
 fn data(random: &mut Random, camera: &Camera, stamp: f64) -> Arc<KeyframeData> {
     let keypoint = |i: u32, random: &mut Random| {
-        let level = (i * 8 / FEATURES) as u8;
-        let scale = (0..level).fold(1.0f32, |s, _| s * 1.2);
+        let level = (i * 5 / FEATURES) as u8;
+        let scale = (0..level).fold(1.0f32, |s, _| s * 1.45);
         Keypoint {
             x: (random.share() * 640.0 / scale).floor() * scale,
             y: (random.share() * 480.0 / scale).floor() * scale,
@@ -108,7 +108,7 @@ fn data(random: &mut Random, camera: &Camera, stamp: f64) -> Arc<KeyframeData> {
 
 /// Keyframe ids are ten frames apart.
 fn map() -> Map {
-    let (mut map, random, camera) = (Map::new(8, 1.2), &mut Random(1), camera());
+    let (mut map, random, camera) = (Map::new(5, 1.45), &mut Random(1), camera());
     for k in 0..KEYFRAMES {
         let (id, parent) = (
             KeyframeId(10 * k),

@@ -65,7 +65,7 @@ mod tests {
             online_world_from_camera: at(0.4),
         };
         let (plain, own) = (pose(None), pose(Some(5)));
-        let mut map = Map::new(8, 1.2);
+        let mut map = Map::new(5, 1.45);
         assert_eq!(own.world_from_camera_in(map.view()), None);
         let x = |p: &AnchoredPose, map: &Map| p.best_world_from_camera(map.view()).translation.x;
         assert_eq!(x(&own, &map), 0.4);

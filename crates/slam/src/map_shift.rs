@@ -55,7 +55,7 @@ mod tests {
     #[test]
     fn moved_keyframes_are_counted_with_the_maximum_shift() {
         let data = Arc::new(crate::synthetic::blank_keyframe(0.0));
-        let mut map = Map::new(8, 1.2);
+        let mut map = Map::new(5, 1.45);
         for k in 0..4 {
             let parent = (k > 0).then_some(KeyframeId(0));
             map.insert_keyframe(KeyframeId(k), Arc::clone(&data), Se3::identity(), parent);

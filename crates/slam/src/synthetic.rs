@@ -7,8 +7,8 @@ use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, Map, NewLandmark};
 
-/// Scale factor between pyramid levels: that of all maps, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
-const SCALE: f32 = 1.2;
+/// Scale factor between pyramid levels: that of all maps.
+const SCALE: f32 = 1.45;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Feature {

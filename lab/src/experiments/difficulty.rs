@@ -168,7 +168,7 @@ impl Meter {
 }
 
 const ROWS: [&str; 8] = [
-    "corners per frame, 8 levels",
+    "corners per frame, all levels",
     "corners per frame, finest level",
     "matches per pair of frames",
     "inlier ratio, 2 px of true motion",

@@ -60,7 +60,7 @@ const FRAMES: usize = 24;
 /// Bytes of a file before its images.
 const HEAD: usize = 8 * 17;
 /// Features per level, the extractor's quotas.
-const QUOTAS: [usize; 8] = [323, 224, 156, 108, 75, 52, 36, 25];
+const QUOTAS: [usize; 5] = [537, 256, 122, 58, 27];
 
 struct Task {
     simd: Simd,
@@ -168,10 +168,10 @@ impl Task {
         }))
     }
 
-    /// Builds or smooths a pyramid of eight levels.
+    /// Builds or smooths a pyramid of five levels.
     fn pyramid(&self, smooth: bool) -> Result<u64, Failure> {
         let image = self.frame(0)?.gray;
-        let mut pyramid = Pyramid::new(8, 1.2, self.simd);
+        let mut pyramid = Pyramid::new(5, 1.45, self.simd);
         pyramid.build(&image);
         Ok(self.repeat(|| {
             if smooth {
@@ -179,16 +179,16 @@ impl Task {
             } else {
                 pyramid.build(black_box(&image));
             }
-            pyramid.level(7).data()[99].into()
+            pyramid.level(4).data()[99].into()
         }))
     }
 
-    /// A stage of feature extraction, on eight levels.
+    /// A stage of feature extraction, on five levels.
     fn stages(&self, kernel: Kernel) -> Result<u64, Failure> {
-        let mut pyramid = Pyramid::new(8, 1.2, self.simd);
+        let mut pyramid = Pyramid::new(5, 1.45, self.simd);
         pyramid.build(&self.frame(0)?.gray);
         pyramid.smooth_all();
-        let mut stages = vec![Stages::new(self.simd); 8];
+        let mut stages = vec![Stages::new(self.simd); 5];
         for (level, stages) in stages.iter_mut().enumerate() {
             stages.fast(pyramid.level(level));
             stages.spread(pyramid.level(level), QUOTAS[level]);

@@ -4,13 +4,13 @@
 const REMOVED: &[(&str, &str)] = &[
     (
         "features.levels",
-        "it is fixed at 8, so that any two maps can be joined",
+        "it is fixed at 5, so that any two maps can be joined",
     ),
     (
         "features.scale_factor",
-        "it is fixed at 1.2, so that any two maps can be joined",
+        "it is fixed at 1.45, so that any two maps can be joined",
     ),
-    ("objects.coast_seconds", "it is fixed at 1.5 s"),
+    ("objects.coast_seconds", "it is fixed at 1.45 s"),
     ("objects.parked_seconds", "it is fixed at 2 s"),
     (
         "looping.max_cost",

@@ -203,7 +203,7 @@ fn removed_keys_are_refused_with_their_replacement() {
         (
             "features.levels=4",
             false,
-            &["--set", "features.levels", "fixed at 8"],
+            &["--set", "features.levels", "fixed at 5"],
         ),
         (
             "[objects]\ncoast_seconds = 3.0\n",

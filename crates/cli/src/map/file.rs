@@ -305,7 +305,7 @@ mod tests {
                 assert!(e.contains(word), "{word:?} is not in {e}");
             }
         };
-        for (levels, factor) in [(4, 1.2), (8, 1.5)] {
+        for (levels, factor) in [(8, 1.2), (5, 1.5)] {
             let (path, map) = (Path::new("desk.spmap"), Map::new(levels, factor));
             let e = check_fits(path, &map, &Config::default(), &camera()).unwrap_err();
             let found = format!("found {levels} levels with a factor of {factor}; make");
@@ -370,7 +370,7 @@ mod tests {
         assert_eq!((saved.keyframes, saved.landmarks), (1, 0));
         assert_eq!(saved.bytes, path.metadata().unwrap().len());
         let e = MapOutput::create(&path, "--save-map").unwrap().save(
-            &Map::new(8, 1.2),
+            &Map::new(5, 1.45),
             None,
             Vec::new(),
         );

@@ -12,7 +12,7 @@ pub struct FlowConfig {
     /// Number of scales, 1..=16. Four reach motions of about 20 px.
     pub levels: usize,
     /// The scales are every `level_step`-th level of the pyramid, 1..=8; beyond its end, halves of the last one follow.
-    /// Four levels of 1.2 make about a half too, which the window bridges.
+    /// Two levels of 1.45 make about a half, which the window bridges.
     pub level_step: usize,
     /// Maximum number of steps per scale, 1..=100. Three to five are usual; above ten the search oscillates.
     pub iterations: usize,
@@ -39,7 +39,7 @@ impl Default for FlowConfig {
         Self {
             radius: 7,
             levels: 4,
-            level_step: 4,
+            level_step: 2,
             iterations: 10,
             epsilon: 0.02,
             forward_backward: 0.5,

@@ -7,11 +7,11 @@ use stillpoint_features::Window;
 use stillpoint_geometry::Vec3;
 use stillpoint_map::{KeyframeData, Landmark, ScaleRange};
 
-/// Share of the minimum distance below which a landmark is not searched: about one level of 1.2 beyond the pyramid, as
-/// in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Share of the minimum distance below which a landmark is not searched: half a level of 1.45 beyond the pyramid, as far
+/// as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const NEARER: f64 = 0.8;
 /// Share of the maximum distance beyond which a landmark is not searched, as in ORB-SLAM2 (Mur-Artal, Tardos 2017):
-/// one level of 1.2 beyond the pyramid.
+/// half a level of 1.45 beyond the pyramid.
 const FARTHER: f64 = 1.2;
 /// Tolerance when rounding up to a level, share of a level, chosen far above the rounding error, so that a distance
 /// exactly on a level is not raised to the next.

@@ -10,7 +10,7 @@ use stillpoint_map::{KeyframeData, Map, NewLandmark};
 
 /// A map of keyframes that share no landmarks.
 pub(super) fn map(keyframes: u32) -> Map {
-    let mut map = Map::new(8, 1.2);
+    let mut map = Map::new(5, 1.45);
     for k in 0..keyframes {
         let data = crate::synthetic::blank_keyframe(f64::from(k));
         let parent = k.checked_sub(1).map(KeyframeId);
@@ -97,7 +97,7 @@ pub(super) fn ends() -> (Se3, Se3) {
 /// A map whose first keyframe sees all points, whose next ones see others, and whose last one, 20, sees `again` of the
 /// first and others. It shares no landmarks with them; it is a child of `parent` or starts a submap.
 pub(super) fn come_back(again: usize, parent: Option<u32>) -> Map {
-    let mut map = Map::new(8, 1.2);
+    let mut map = Map::new(5, 1.45);
     let all: Vec<(u64, Vec3)> = (0..).zip(things()).collect();
     add(
         &mut map,

@@ -276,7 +276,7 @@ mod tests {
     fn poses_follow_their_keyframe_through_corrections() {
         let history = filled(1);
         let snapshot = history.last().unwrap();
-        let mut map = Map::new(8, 1.2);
+        let mut map = Map::new(5, 1.45);
         let x = |pose: Se3| pose.translation.x;
         // No view has the keyframe yet.
         assert!((x(snapshot.world_from_camera(map.view())) - 0.5).abs() < 1e-12);

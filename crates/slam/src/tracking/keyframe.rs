@@ -116,7 +116,7 @@ mod tests {
     /// Whether the view from `pose` on a wall is new, with the first keyframe as reference and the last one as the
     /// newest.
     fn is_new(keyframes: &[Se3], pose: &Se3, depth: f32) -> bool {
-        let mut map = Map::new(8, 1.2);
+        let mut map = Map::new(5, 1.45);
         for (id, pose) in (0..).zip(keyframes) {
             map.insert_keyframe(KeyframeId(id), Arc::new(wall(depth)), *pose, None);
         }

@@ -19,8 +19,9 @@ const MOST_CHANGE: f64 = 8.0;
 /// for nearly any camera. A prior of half a metre per second, which is much for a hand, biases the poses of a hand that
 /// moves as fast.
 const SPEED: f64 = 3.0;
-/// Maximum Mahalanobis distance (standard deviations) between predicted and observed position; beyond it the pose did
-/// not come from tracking. By chi-square with three degrees of freedom, chance exceeds it once in 65 000 frames.
+/// Maximum Mahalanobis distance (standard deviations) between predicted and observed position; beyond it the pose
+/// follows something else than the camera. By chi-square with three degrees of freedom, chance exceeds it once in
+/// 65 000 frames.
 const GATE_SIGMAS: f64 = 5.0;
 
 /// Motion state at a pose.
@@ -110,15 +111,17 @@ impl Expected {
     /// also updates the acceleration.
     pub(super) fn found(&self, off: &Vec3, covariance: Option<Mat3>) -> Momentum {
         let expected = &self.momentum;
+        let covariance = covariance.filter(|c| c.sum().is_finite());
         let Some((covariance, inverse)) = covariance.zip(expected.place.try_inverse()) else {
             return *expected;
         };
-        let far = off.dot(&(inverse * off)) > GATE_SIGMAS * GATE_SIGMAS;
-        if far || !covariance.sum().is_finite() {
+        if off.dot(&(inverse * off)) > GATE_SIGMAS * GATE_SIGMAS {
+            // The velocity stays. If the camera was hit, the acceleration grows until the next poses are near enough.
             return Momentum {
                 place: covariance,
-                acceleration: expected.acceleration,
-                ..Momentum::default()
+                cross: Mat3::zeros(),
+                acceleration: self.accelerated(off, &covariance),
+                ..*expected
             };
         }
         let gain = expected.cross.transpose() * inverse;

@@ -52,7 +52,7 @@ fn check(found: &[[f64; 2]], expected: &[[f64; 2]]) {
 
 #[test]
 fn keyframe_correction_is_spread_over_earlier_frames() {
-    let mut map = Map::new(8, 1.2);
+    let mut map = Map::new(5, 1.45);
     add(&mut map, 0, None, at(0.0, 0.0));
     // Measured at 0.4, refined to 0.44 and rotated by 0.2.
     add(&mut map, 4, Some(0), at(0.44, 0.2));
@@ -88,7 +88,7 @@ fn corrections_below_the_noise_are_not_spread() {
     // A correction equal to the noise is applied half, a much smaller one not, a much larger one fully. The middle
     // frame gets half of that.
     for (off, spread) in [(0.0014, 0.5), (0.0001, 0.005), (0.05, 0.9992)] {
-        let mut map = Map::new(8, 1.2);
+        let mut map = Map::new(5, 1.45);
         add(&mut map, 0, None, at(0.0, 0.0));
         add(&mut map, 2, Some(0), at(0.2 + off, 0.0));
         let found = resolved(&frames, &map)[1][0] - 0.1;
@@ -101,7 +101,7 @@ fn corrections_below_the_noise_are_not_spread() {
 
 #[test]
 fn frames_with_another_reference_are_not_corrected() {
-    let mut map = Map::new(8, 1.2);
+    let mut map = Map::new(5, 1.45);
     add(&mut map, 0, None, at(0.0, 0.0));
     add(&mut map, 2, Some(0), at(0.26, 0.0));
     add(&mut map, 4, Some(2), at(0.5, 0.0));
@@ -137,7 +137,7 @@ fn jittered(count: u32) -> Vec<TrajectoryEntry> {
 
 /// Change of each pose by smoothing, m.
 fn smoothed_by(entries: &[TrajectoryEntry]) -> Vec<f64> {
-    let mut map = Map::new(8, 1.2);
+    let mut map = Map::new(5, 1.45);
     add(&mut map, 0, None, at(0.0, 0.0));
     let mut trajectory = Trajectory::default();
     trajectory.extend(entries.iter().copied());

@@ -181,7 +181,7 @@ impl Walk {
         Self {
             world,
             camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
-            map: Map::new(8, 1.2),
+            map: Map::new(5, 1.45),
             known: BTreeMap::new(),
             rounds: 0.0,
             drift: Se3::identity(),

@@ -6,12 +6,33 @@ use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameSource, RgbdFrame, Simd, SourceError};
 use stillpoint_simulator::SimulatorConfig;
-use stillpoint_slam::{Event, FrameReport, LogEntry, OnEvent, Preset, Replay, Stages, System};
+use stillpoint_slam::{
+    Config, Event, FrameReport, LogEntry, OnEvent, Preset, Replay, Stages, System,
+};
 use stillpoint_testdata::ate::{self, Figures};
 
 fn run(recording: &Recording, preset: Preset) -> Run {
     let system = System::new(with(preset), recording.camera, Simd::detect()).unwrap();
     recording.drive(system.with_log())
+}
+
+/// The median of three seeds is held: single starts vary by a factor of three.
+const SEEDS: u64 = 3;
+
+fn seeded(seed: u64) -> Config {
+    let mut config = with(Preset::Default);
+    config.seed = seed;
+    config
+}
+
+/// Median over the seeds of each error.
+fn median(of_seed: impl Fn(u64) -> [f64; 2]) -> [f64; 2] {
+    let errors: Vec<[f64; 2]> = (0..SEEDS).map(of_seed).collect();
+    [0, 1].map(|k| {
+        let mut sorted: Vec<f64> = errors.iter().map(|e| e[k]).collect();
+        sorted.sort_by(f64::total_cmp);
+        sorted[sorted.len() / 2]
+    })
 }
 
 /// The first frames, at most 80, of a rotation among people who walk close to the camera from the first frame on.
@@ -39,15 +60,14 @@ fn worst_mm(recording: &Recording, poses: &[TimedPose]) -> f64 {
     1e3 * score.ate.statistics.max
 }
 
-/// Compares the maximum error after the first frames of the crowd with the table of errors.
+/// Compares the maximum error after the first frames of the crowd, as the median over the seeds, with the table of
+/// errors.
 #[track_caller]
-fn hold_worst(frames: usize, worst_mm: f64, run: &Run) {
-    let sequence = format!("sim:crowd_rpy_60 with seed 3 {frames} frames: largest error");
-    let found = Figures {
-        error_mm: worst_mm,
-        frames,
-        posed: run.poses().len(),
-    };
+fn hold_worst(frames: usize, worst_mm: f64) {
+    let sequence = format!(
+        "sim:crowd_rpy_60 with seed 3 {frames} frames: largest error as the median of {SEEDS} seeds"
+    );
+    let found = Figures::all_posed(worst_mm, frames);
     ate::hold(&sequence, "none", "default", found);
 }
 
@@ -81,16 +101,18 @@ fn static_scenes_are_decided_within_a_second() {
 #[test]
 fn start_that_followed_a_person_is_corrected() {
     let recording = crowd(80);
+    let [then, now] = median(|seed| {
+        let system = System::new(seeded(seed), recording.camera, Simd::detect()).unwrap();
+        let run = recording.drive(system);
+        assert_eq!(run.poses().len(), 80);
+        [online(&run), run.poses()].map(|poses| worst_mm(&recording, &poses))
+    });
     let run = run(&recording, Preset::Default);
-    let (then, now) = (
-        worst_mm(&recording, &online(&run)),
-        worst_mm(&recording, &run.poses()),
-    );
     let undecided = run.reports.iter().filter(|r| r.undecided.is_some()).count();
     println!("{then:.0} mm at each frame, {now:.0} mm in the end, {undecided} undecided");
-    hold_worst(80, now, &run);
+    hold_worst(80, now);
     // Control: the poses reported at each frame.
-    assert!(then > 50.0 && now < 20.0, "{then} mm, {now} mm");
+    assert!(then > 50.0 && now < 0.2 * then, "{then} mm, {now} mm");
     assert!((30..45).contains(&undecided), "{undecided}");
     let [revoked] = &*run.revoked else {
         panic!("{:?}", run.revoked)
@@ -118,24 +140,32 @@ fn start_that_followed_a_person_is_corrected() {
 fn start_is_corrected_if_the_stream_ends_early() {
     for frames in [60, 45] {
         let recording = crowd(frames);
-        let stages = || Stages::new(with(Preset::Default), recording.camera, Simd::detect());
-        let mut unfinished = System::from(stages().unwrap());
-        for frame in &recording.frames {
-            unfinished.step(frame.clone());
-        }
-        let view = unfinished.view();
-        let poses = unfinished.trajectory().resolve(&view);
-        let poses = poses.map(|(entry, world_from_camera)| TimedPose {
-            stamp: entry.stamp,
-            world_from_camera,
+        let [then, now] = median(|seed| {
+            let stages = Stages::new(seeded(seed), recording.camera, Simd::detect());
+            let mut system = System::from(stages.unwrap());
+            for frame in &recording.frames {
+                system.step(frame.clone());
+            }
+            let error_mm = |system: &System| {
+                let view = system.view();
+                let poses = system.trajectory().resolve(&view);
+                let poses = poses.map(|(entry, world_from_camera)| TimedPose {
+                    stamp: entry.stamp,
+                    world_from_camera,
+                });
+                let poses: Vec<_> = poses.collect();
+                assert_eq!(poses.len(), frames);
+                worst_mm(&recording, &poses)
+            };
+            let then = error_mm(&system);
+            system.finish();
+            [then, error_mm(&system)]
         });
-        let then = worst_mm(&recording, &poses.collect::<Vec<_>>());
-        let run = run(&recording, Preset::Default);
-        let now = worst_mm(&recording, &run.poses());
         println!("{frames} frames: {then:.0} mm before the end, {now:.0} mm after it");
-        hold_worst(frames, now, &run);
+        hold_worst(frames, now);
+        let run = run(&recording, Preset::Default);
         // Control: the poses before the end of the stream.
-        assert!(then > 50.0 && now < 20.0, "{then} mm, {now} mm");
+        assert!(then > 50.0 && now < 0.2 * then, "{then} mm, {now} mm");
         assert_eq!(run.system.trajectory().entries().len(), frames);
         assert_eq!(run.revoked.len(), 1);
         assert_eq!(run.system.map().check(), Ok(()));
@@ -143,7 +173,8 @@ fn start_is_corrected_if_the_stream_ends_early() {
         let log = run.system.log().unwrap();
         let ends = log.entries.iter().filter(|e| **e == LogEntry::TrackEnd);
         assert_eq!(ends.count(), 1);
-        let mut replay = Replay::new(stages().unwrap(), log).unwrap();
+        let stages = Stages::new(with(Preset::Default), recording.camera, Simd::detect());
+        let mut replay = Replay::new(stages.unwrap(), log).unwrap();
         let mut frames = Frames(recording.frames.iter());
         replay
             .run(&mut frames, &mut OnEvent(|_: &Event| {}))

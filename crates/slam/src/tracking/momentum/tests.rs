@@ -162,14 +162,27 @@ fn single_frame_has_limited_influence_on_the_acceleration() {
     assert!(learned(2.0) > 1.1 * learned(1.0) && learned(3.0) > 1.05 * learned(2.5));
 }
 
+/// A pose that follows something else says nothing about the camera's velocity. A camera that was hit is followed again
+/// within a third of a second.
 #[test]
-fn position_jump_resets_the_velocity() {
-    let mut camera = Followed::new(TURN);
+fn position_jump_keeps_the_velocity() {
+    let mut camera = Followed::new(CALM);
     camera.follow(by_hand, 60, true, &mut random(0));
-    let before = camera.momentum.velocity.norm();
-    camera.measure(&(camera.at + Vec3::new(0.0, 1.0, 0.0)), true);
-    assert!(before > 0.1 && camera.momentum.velocity.norm() == 0.0);
-    assert!((camera.momentum.spread[(0, 0)] - SPEED * SPEED).abs() < 1e-12);
+    let before = camera.momentum;
+    let mut jumped = Followed { ..camera };
+    jumped.measure(&(camera.at + Vec3::new(0.0, 0.05, 0.0)), true);
+    assert_eq!(jumped.momentum.velocity, before.velocity);
+    assert!(jumped.momentum.acceleration > 1.2 * before.acceleration);
+    // Control: a smaller step changes the velocity.
+    let mut near = Followed { ..camera };
+    near.measure(&(camera.at + Vec3::new(0.0, 0.01, 0.0)), true);
+    assert!((near.momentum.velocity - before.velocity).norm() > 0.05);
+
+    let from = camera.at;
+    let hit = |t: f64| from + Vec3::new(0.0, 1.5 * t, 0.0);
+    camera.follow(hit, 10, true, &mut random(1));
+    let after = camera.momentum.velocity;
+    assert!((after.y - 1.5).abs() < 0.3, "{after:?}");
 }
 
 #[test]
