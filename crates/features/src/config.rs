@@ -10,7 +10,7 @@ pub struct OrbConfig {
     /// cost time in every later stage.
     pub features: usize,
     /// Pyramid levels, 1..=16. Five levels of 1.45 cover a change of distance by 4.4; the eight of 1.2 of ORB-SLAM2
-    /// cover 3.6, take a third longer to extract, and give errors 1.04 times as large (decision 60).
+    /// cover 3.6, take half as long again to extract, and give errors 1.02 times as large (decision 60).
     pub levels: usize,
     /// Scale factor between levels, above 1 up to 2. A corner of any scale is at most half a level from the next one:
     /// with 1.45 its patch differs by 20 % in size.
