@@ -105,7 +105,7 @@ fn shifted_image_gives_shifted_features() {
         let (a, b) = (first.keypoints[i], second.keypoints[j]);
         let error = [a.x - dx as f32 - b.x, a.y - dy as f32 - b.y];
         // Two pixels of its level.
-        let most = 2.0 * 1.45_f32.powi(a.level.into());
+        let most = 2.0 * libm::powf(1.45, f32::from(a.level));
         if error[0] * error[0] + error[1] * error[1] < most * most {
             near += 1;
             sum = [sum[0] + error[0], sum[1] + error[1]];
