@@ -58,13 +58,20 @@ pub(crate) struct Tracks {
 impl Tracks {
     pub(crate) fn new() -> Self {
         let simd = Simd::detect();
+        // The levels with which the bounds of the findings were measured.
         let config = OrbConfig {
             features: CORNERS,
+            levels: 8,
+            scale_factor: 1.2,
             ..OrbConfig::default()
+        };
+        let flow = FlowConfig {
+            level_step: 4,
+            ..FlowConfig::default()
         };
         Self {
             extractor: OrbExtractor::new(&config, simd),
-            flow: Flow::new(FlowConfig::default(), simd),
+            flow: Flow::new(flow, simd),
             features: Features::default(),
             matches: Vec::new(),
             live: Vec::new(),

@@ -10,7 +10,7 @@ const REMOVED: &[(&str, &str)] = &[
         "features.scale_factor",
         "it is fixed at 1.45, so that any two maps can be joined",
     ),
-    ("objects.coast_seconds", "it is fixed at 1.45 s"),
+    ("objects.coast_seconds", "it is fixed at 1.5 s"),
     ("objects.parked_seconds", "it is fixed at 2 s"),
     (
         "looping.max_cost",
