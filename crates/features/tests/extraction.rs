@@ -104,8 +104,8 @@ fn shifted_image_gives_shifted_features() {
     for &(i, j) in &pairs {
         let (a, b) = (first.keypoints[i], second.keypoints[j]);
         let error = [a.x - dx as f32 - b.x, a.y - dy as f32 - b.y];
-        // Two pixels of its level.
-        let most = 2.0 * libm::powf(1.45, f32::from(a.level));
+        // One and a half pixels of its level.
+        let most = 1.5 * libm::powf(1.45, f32::from(a.level));
         if error[0] * error[0] + error[1] * error[1] < most * most {
             near += 1;
             sum = [sum[0] + error[0], sum[1] + error[1]];

@@ -7,7 +7,7 @@ use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, Map, NewLandmark};
 
-/// Scale factor between pyramid levels: that of all maps.
+/// Scale factor between pyramid levels: that of all maps (decision 60).
 const SCALE: f32 = 1.45;
 
 #[derive(Clone, Copy, Debug)]

@@ -7,8 +7,8 @@ use stillpoint_features::Window;
 use stillpoint_geometry::Vec3;
 use stillpoint_map::{KeyframeData, Landmark, ScaleRange};
 
-/// Share of the minimum distance below which a landmark is not searched: half a level of 1.45 beyond the pyramid, as far
-/// as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Share of the minimum distance below which a landmark is not searched, as in ORB-SLAM2 (Mur-Artal, Tardos 2017): half
+/// a level of 1.45 beyond the pyramid.
 const NEARER: f64 = 0.8;
 /// Share of the maximum distance beyond which a landmark is not searched, as in ORB-SLAM2 (Mur-Artal, Tardos 2017):
 /// half a level of 1.45 beyond the pyramid.

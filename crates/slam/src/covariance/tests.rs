@@ -47,9 +47,9 @@ proptest! {
             let information = information * f64::from(times);
             covariance_in_map(&information, Some(&scatter(s, n * times))).unwrap()
         };
-        let alone = of(4, 0.2)[(0, 0)] / of(1, 0.2)[(0, 0)];
+        let alone = of(4, 0.6 * KEYPOINT)[(0, 0)] / of(1, 0.6 * KEYPOINT)[(0, 0)];
         prop_assert!((alone - 0.25).abs() < 1e-9, "{alone}");
-        let shared = of(4, 1.0)[(0, 0)] / of(1, 1.0)[(0, 0)];
+        let shared = of(4, 2.35 * KEYPOINT)[(0, 0)] / of(1, 2.35 * KEYPOINT)[(0, 0)];
         prop_assert!((0.9..=1.0).contains(&shared), "{shared}");
     }
 

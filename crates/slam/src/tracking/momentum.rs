@@ -20,8 +20,7 @@ const MOST_CHANGE: f64 = 8.0;
 /// moves as fast.
 const SPEED: f64 = 3.0;
 /// Maximum Mahalanobis distance (standard deviations) between predicted and observed position; beyond it the pose
-/// follows something else than the camera. By chi-square with three degrees of freedom, chance exceeds it once in
-/// 65 000 frames.
+/// is taken for wrong. By chi-square with three degrees of freedom, chance exceeds it once in 65 000 frames.
 const GATE_SIGMAS: f64 = 5.0;
 
 /// Motion state at a pose.

@@ -16,8 +16,8 @@ fn run(recording: &Recording, preset: Preset) -> Run {
     recording.drive(system.with_log())
 }
 
-/// The median of three seeds is held: single starts vary by a factor of three.
-const SEEDS: u64 = 3;
+/// The median of five seeds is held: single starts vary by a factor of three.
+const SEEDS: u64 = 5;
 
 fn seeded(seed: u64) -> Config {
     let mut config = with(Preset::Default);
@@ -112,7 +112,10 @@ fn start_that_followed_a_person_is_corrected() {
     println!("{then:.0} mm at each frame, {now:.0} mm in the end, {undecided} undecided");
     hold_worst(80, now);
     // Control: the poses reported at each frame.
-    assert!(then > 50.0 && now < 0.2 * then, "{then} mm, {now} mm");
+    assert!(
+        then > 50.0 && now < 30.0 && now < 0.2 * then,
+        "{then} mm, {now} mm"
+    );
     assert!((30..45).contains(&undecided), "{undecided}");
     let [revoked] = &*run.revoked else {
         panic!("{:?}", run.revoked)
@@ -165,7 +168,10 @@ fn start_is_corrected_if_the_stream_ends_early() {
         hold_worst(frames, now);
         let run = run(&recording, Preset::Default);
         // Control: the poses before the end of the stream.
-        assert!(then > 50.0 && now < 0.2 * then, "{then} mm, {now} mm");
+        assert!(
+            then > 50.0 && now < 30.0 && now < 0.2 * then,
+            "{then} mm, {now} mm"
+        );
         assert_eq!(run.system.trajectory().entries().len(), frames);
         assert_eq!(run.revoked.len(), 1);
         assert_eq!(run.system.map().check(), Ok(()));

@@ -153,7 +153,7 @@ fn single_frame_has_limited_influence_on_the_acceleration() {
     let mut camera = Followed::new(TURN);
     camera.follow(by_hand, 60, true, &mut random(0));
     let expected = camera.momentum.expect(DT);
-    // Half of the predicted variance is left, so the other half is what the innovation is expected to have.
+    // The measurement halves the variance. The innovation is expected to have the other half.
     let covariance = expected.place() * 0.5;
     let deviation = libm::sqrt(covariance.trace());
     let learned = |n: f64| expected.accelerated(&Vec3::new(n * deviation, 0.0, 0.0), &covariance);
@@ -162,8 +162,7 @@ fn single_frame_has_limited_influence_on_the_acceleration() {
     assert!(learned(2.0) > 1.1 * learned(1.0) && learned(3.0) > 1.05 * learned(2.5));
 }
 
-/// A pose that follows something else says nothing about the camera's velocity. A camera that was hit is followed again
-/// within a third of a second.
+/// A wrong pose does not change the velocity. After a hit, the velocity is right again within a third of a second.
 #[test]
 fn position_jump_keeps_the_velocity() {
     let mut camera = Followed::new(CALM);
