@@ -14,6 +14,7 @@ import collections
 import concurrent.futures
 import hashlib
 import json
+import math
 import os
 import re
 import shutil
@@ -63,7 +64,7 @@ INPUTS = {
 }
 POSES = ["fr1_rpy_walkers", "crowd_rpy_60", "tartanair_office", "fr1_xyz_walkers", "kitchen", "corridor_fixed"]
 # Inputs of POSES that all constants have; the others have those without an effect there.
-FIRST = 3
+FIRST = 2
 # Parts of file names, and the inputs that need them; the first that fits.
 WHERE = [
     (("detection/src/objects",), ["walking_xyz, detector"]),
@@ -224,6 +225,8 @@ def read(work):
 def run(work):
     constants = json.loads((work / "constants.json").read_text())
     tasks = [("", 1, name, seed) for name in INPUTS for seed in range(SEEDS)]
+    # Most constants first: those that all recordings need.
+    constants.sort(key=lambda c: len(inputs_of(c)), reverse=True)
     tasks += [(c, factor, name, 0) for c in constants for factor in (0.5, 2) for name in inputs_of(c)[:FIRST]]
     for name, _, _ in INPUTS.values():
         source(work, name)
@@ -279,7 +282,33 @@ def effects(work):
     return found
 
 
-COMMANDS = {"build": build, "run": run}
+def rows(work):
+    """What is said of each constant: the largest effect with half and with twice its value."""
+    runs, lines = read(work), []
+    base = {(r["input"]): r["poses"] for r in runs if not r["const"] and r["seed"] == 0}
+    same = collections.defaultdict(list)
+    for row in runs:
+        if row["const"]:
+            same[row["const"]].append(row.get("poses") == base[row["input"]])
+    for constant, changed in sorted(effects(work).items()):
+        said = []
+        for factor, word in ((0.5, "halved"), (2, "doubled")):
+            failed = [f"{name} {figure}" for name, figure, _ in changed[factor] if figure in ("failed", "lost", "loops")]
+            ratios = [c for c in changed[factor] if c[1] not in ("failed", "lost", "loops")]
+            worst = max(ratios, key=lambda c: abs(math.log(max(c[2], 1e-9))), default=None)
+            said += [f"{word}: " + ", ".join([*failed[:1], *([f"{worst[0]} {worst[1]} {worst[2]:.2f}"] if worst else [])])] if changed[factor] else []
+        effect = "; ".join(said) or ("nothing" if all(same[constant]) else "within seeds")
+        lines.append({"kind": "row", "cells": [*constant.split(":"), effect]})
+    made = {"kind": "made", "command": "tools/constants/vary.py", "commit": commit(), "machine": "any", "seeds": f"0 to {SEEDS - 1}"}
+    out = ROOT / "lab/results/constants.jsonl"
+    out.write_text("".join(json.dumps(line, separators=(",", ":")) + "\n" for line in [made, *lines]))
+
+
+def commit():
+    return subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+
+
+COMMANDS = {"build": build, "run": run, "rows": rows}
 
 
 def main():

@@ -20,9 +20,6 @@ const MARGIN: usize = 19;
 /// ([`crate::FlowConfig`]), with which it was measured (decision 56).
 const EDGE_RADIUS: usize = 7;
 
-/// Minimum number of keypoints per thread for descriptors: some 50 us of work. Chosen: less is not worth a thread.
-const DESCRIBED_TOGETHER: usize = 150;
-
 /// A corner with its scale and orientation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Keypoint {
@@ -222,7 +219,7 @@ impl OrbExtractor {
         self.all.extend(all);
         let mut described = std::mem::take(&mut self.described);
         described.resize(self.all.len(), Default::default());
-        workers::fill(&mut described, DESCRIBED_TOGETHER, |i| {
+        workers::fill(&mut described, |i| {
             let (level, corner) = &self.all[i];
             self.describe_one(*level, corner)
         });

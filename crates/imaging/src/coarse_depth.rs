@@ -35,7 +35,7 @@ impl CoarseDepth {
         let (width, height) = (depth.width() / cell, depth.height() / cell);
         (self.cell, self.width, self.height) = (cell, width, height);
         self.data.resize(width * height, 0.0);
-        workers::in_rows(&mut self.data, width, ROWS_TOGETHER, |first, data| {
+        workers::in_rows(&mut self.data, width, |first, data| {
             reduce_rows(depth, cell, first, data);
         });
     }
@@ -82,9 +82,6 @@ impl CoarseDepth {
         [middle(x), middle(y)]
     }
 }
-
-/// Minimum rows of cells per worker.
-const ROWS_TOGETHER: usize = 15;
 
 /// Depths of some rows of cells of `cell` x `cell` px, from row `first` on.
 fn reduce_rows(depth: &DepthImage, cell: usize, first: usize, data: &mut [f32]) {

@@ -55,23 +55,18 @@ pub fn both<A: Send, B: Send>(
     }
 }
 
-/// Computes values by calling `work` with each index, in parts of at least `least` (at least 1) values.
-pub fn fill<T: Send>(values: &mut [T], least: usize, work: impl Fn(usize) -> T + Sync) {
-    in_rows(values, 1, least, |first, values| {
+/// Computes values by calling `work` with each index.
+pub fn fill<T: Send>(values: &mut [T], work: impl Fn(usize) -> T + Sync) {
+    in_rows(values, 1, |first, values| {
         for (i, value) in values.iter_mut().enumerate() {
             *value = work(first + i);
         }
     });
 }
 
-/// Calls `work` on parts of rows of `width` values, each of at least `least` (at least 1) rows, with the index of the
-/// first row. Outside [`Workers`] all rows are one part: results must not depend on the division.
-pub fn in_rows<T: Send>(
-    values: &mut [T],
-    width: usize,
-    least: usize,
-    work: impl Fn(usize, &mut [T]) + Sync,
-) {
+/// Calls `work` on parts of rows of `width` values, with the index of the first row. Outside [`Workers`] all rows are
+/// one part: results must not depend on the division.
+pub fn in_rows<T: Send>(values: &mut [T], width: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     fn divide<T: Send>(
         (first, parts): (usize, usize),
         (values, width): (&mut [T], usize),
@@ -90,13 +85,15 @@ pub fn in_rows<T: Send>(
     }
     let width = width.max(1);
     let parts = if is_one() {
-        (values.len() / width / least.max(1)).clamp(1, PARTS)
+        (values.len() / width.max(LEAST)).clamp(1, PARTS)
     } else {
         1
     };
     divide((0, parts), (values, width), &work);
 }
 
+/// Minimum number of values per part: some 50 us of work for features (decision 38); less is not worth a thread.
+const LEAST: usize = 60;
 /// Maximum parts per piece of work: more than threads, since durations and start times vary.
 const PARTS: usize = 4;
 
@@ -109,10 +106,10 @@ mod tests {
         for workers in [Workers::default(), Workers::new(3).unwrap()] {
             for count in [0, 1, 2, 7, 1000] {
                 let (mut values, mut rows) = (vec![0; count], vec![0; 3 * count]);
-                workers.run(|| fill(&mut values, 2, |i| i + 5));
+                workers.run(|| fill(&mut values, |i| i + 5));
                 assert_eq!(values, (5..5 + count).collect::<Vec<_>>());
                 workers.run(|| {
-                    in_rows(&mut rows, 3, 2, |first, rows| {
+                    in_rows(&mut rows, 3, |first, rows| {
                         rows.iter_mut()
                             .enumerate()
                             .for_each(|(i, r)| *r += 3 * first + i);

@@ -10,10 +10,8 @@ use crate::mapping::MappingEffort;
 /// before tracking can ask for more (docs/decisions/0017).
 pub const MIN_FEATURES: u32 = 500;
 /// Minimum number of neighbours of a keyframe in a plan: chosen, so that landmarks are still made and fused across more
-/// than one pair of keyframes.
+/// than one pair of keyframes. Local bundle adjustment has at least these and the new one.
 const MIN_NEIGHBOURS: u32 = 2;
-/// Minimum number of keyframes in local bundle adjustment in a plan: the new one and [`MIN_NEIGHBOURS`] others; chosen.
-const MIN_WINDOW: u32 = 3;
 
 impl MappingEffort {
     /// The configured effort.
@@ -32,7 +30,7 @@ impl MappingEffort {
         };
         Self {
             neighbours: share(self.neighbours, MIN_NEIGHBOURS),
-            window: share(self.window, MIN_WINDOW),
+            window: share(self.window, MIN_NEIGHBOURS + 1),
         }
     }
 }
@@ -112,7 +110,7 @@ impl Plan {
             let features = between(MIN_FEATURES, config.features.features as u32);
             let mapping = MappingEffort {
                 neighbours: between(MIN_NEIGHBOURS, most.neighbours),
-                window: between(MIN_WINDOW, most.window),
+                window: between(MIN_NEIGHBOURS + 1, most.window),
             };
             (features, mapping, costs.per_frame(features, mapping))
         };
@@ -187,7 +185,7 @@ mod tests {
             let (some, less) = (all.shared(waiting), all.shared(waiting + 1));
             prop_assert_eq!(all.shared(0), all);
             prop_assert!(less.neighbours <= some.neighbours && less.window <= some.window);
-            prop_assert!(less.neighbours >= neighbours.min(MIN_NEIGHBOURS) && less.window >= window.min(MIN_WINDOW));
+            prop_assert!(less.neighbours >= neighbours.min(MIN_NEIGHBOURS) && less.window >= window.min(MIN_NEIGHBOURS + 1));
         }
     }
 }

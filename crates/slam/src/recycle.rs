@@ -27,9 +27,9 @@ pub(crate) fn refill_or<T>(
 #[derive(Clone, Debug)]
 pub(crate) struct Lists<T>(Vec<Vec<T>>);
 
-/// Maximum number of pooled lists: no frame uses more at once. Measured: a steady frame allocates only memory that
-/// leaves with its report (docs/scale.md).
-const MOST: usize = 8;
+/// Maximum number of pooled buffers of a kind: no frame uses more at once. Measured: a steady frame allocates only
+/// memory that leaves with its report (docs/scale.md).
+pub(crate) const MOST: usize = 8;
 
 impl<T> Default for Lists<T> {
     fn default() -> Self {

@@ -11,36 +11,28 @@ const LONGEST_S: f64 = 2.0;
 /// Error of the rotation between two poses, one standard deviation about each axis, rad: 0.15 degrees with a rolling
 /// shutter.
 pub(crate) const POSES_SIGMA: f64 = 0.0026;
-/// Minimum rotation of the camera to verify the axes of a sensor, rad: chosen, 3 degrees, nearly twenty times
-/// [`POSES_SIGMA`].
+/// Minimum rotation or displacement of the camera to verify the axes of a sensor, rad and m: chosen, 3 degrees, nearly
+/// twenty times [`POSES_SIGMA`], and ten times `known::GATE_POSE`.
 const TELLING: f64 = 0.05;
-/// Minimum displacement of the camera to verify the axes of a sensor, m: chosen, ten times the allowed pose error
-/// (`known::GATE_POSE_M`).
-const TELLING_M: f64 = 0.05;
 /// Allowed difference between sensor and camera, as a share of the rotation, or of the displacement: scale, time and
 /// mount err. Chosen: three times the slip of an indoor robot's turns (3 %).
 const SHARE: f64 = 0.1;
-/// Additional allowed angle, rad: a still unknown bias of 2 deg/s causes as much within [`SPAN_S`], which is twice the
-/// offset of a BMI055 (data sheet).
+/// Additional allowed angle or displacement, rad and m: a still unknown bias of 2 deg/s, twice the offset of a BMI055
+/// (data sheet), causes as much within [`SPAN_S`]; two poses err, and the base rolls and springs.
 const SLACK: f64 = 0.02;
 /// Additional allowance in standard deviations of the sensor's unknown error, if that exceeds [`SLACK`]: 99.9 % of
 /// three axes.
 const UNKNOWN_SIGMAS: f64 = 4.03;
-/// Additional allowed displacement, m: two poses err, and the base rolls and springs. Chosen: four times
-/// `known::GATE_POSE_M`.
-const SLACK_M: f64 = 0.02;
 /// Displacement per rotation of a camera whose mount is off by some centimetres, m/rad: chosen, a lever of ten
 /// centimetres.
 const SWING: f64 = 0.1;
 /// Consecutive failed comparisons after which a sensor counts as wrong: chosen, as single ones fail when the map is
 /// corrected or the pose follows a moving object.
 const FAILURES: u32 = 3;
-/// Consecutive successful comparisons after which a wrong sensor counts as right again: chosen, more than [`FAILURES`],
-/// so that it does not change to and fro.
+/// Consecutive successful comparisons after which a wrong sensor counts as right again, and failures that refute one
+/// that has never agreed even when the pose may follow a moving object: chosen, more than [`FAILURES`], so that it does
+/// not change to and fro.
 const SUCCESSES: u32 = 5;
-/// Consecutive failures that refute a sensor that has never agreed even when the pose may follow a moving object: as
-/// many as [`SUCCESSES`], chosen.
-const DOUBTS: u32 = 5;
 /// Frames in which an unconfirmed sensor may contradict the majority of the image before it is distrusted: a right one
 /// differed in 3 of 134 frames, a wrong one in 97 to 100 % (decision 39).
 const AGAINST: u32 = 10;
@@ -88,8 +80,8 @@ impl Comparison {
     pub(crate) fn of_motion(turned: f64, offset: &Vec3, moved: f64, shift: f64) -> Self {
         let turn = Self::of_turn(turned, offset, 0.0);
         Self {
-            agrees: turn.agrees && shift <= SLACK_M + SHARE * moved + SWING * turned,
-            tells: turn.tells || moved >= TELLING_M,
+            agrees: turn.agrees && shift <= SLACK + SHARE * moved + SWING * turned,
+            tells: turn.tells || moved >= TELLING,
         }
     }
 }
@@ -167,7 +159,7 @@ impl<P: Copy> Trust<P> {
             self.confirmed |= !self.contradicts;
             self.against = 0;
         }
-        if self.failures >= FAILURES || self.failures + self.doubts >= DOUBTS {
+        if self.failures >= FAILURES || self.failures + self.doubts >= SUCCESSES {
             (self.contradicts, self.confirmed) = (true, false);
         } else if self.contradicts && self.successes >= SUCCESSES {
             (self.contradicts, self.confirmed) = (false, true);

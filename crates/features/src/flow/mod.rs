@@ -16,9 +16,6 @@ use align::{Aligned, Aligner, Outcome, Start};
 use scales::Scales;
 use stillpoint_imaging::{Pyramid, Simd, workers};
 
-/// Minimum number of points per thread: some 50 us of work (the flow of a frame takes 0.71 ms, decision 38). Chosen:
-/// less is not worth a thread.
-const TRACKED_TOGETHER: usize = 60;
 /// A step shorter than this ends a coarse scale, px of it: the next finer one continues from there. Chosen: that is 0.2
 /// px of a next scale of twice the size, which one step corrects.
 const COARSE_EPSILON: f32 = 0.1;
@@ -134,7 +131,7 @@ impl Flow {
         track: impl Fn(&mut Seeker<'_>, usize) -> Outcome<FlowMatch> + Sync,
     ) {
         out.resize(count, None);
-        workers::in_rows(out, 1, TRACKED_TOGETHER, |first, out| {
+        workers::in_rows(out, 1, |first, out| {
             let mut seeker = Seeker {
                 flow: self,
                 previous: pair.0,

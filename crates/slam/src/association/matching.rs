@@ -14,14 +14,10 @@ const MAX_DISTANCE: u32 = 100;
 /// ORB-SLAM2.
 pub(crate) const STRICT_DISTANCE: u32 = 50;
 /// Maximum ratio of the best to the second-best distance between frames, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
-const RATIO: f32 = 0.9;
+pub(crate) const RATIO: f32 = 0.9;
 /// Maximum distance ratio of a landmark match in a search window, applied only between candidates of one level. As in
 /// ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const WINDOW_RATIO: f32 = 0.8;
-
-/// Minimum number of points per thread: some 50 us of work (all matching takes 0.29 ms, decision 38). Chosen: less is
-/// not worth a thread.
-const SEARCHED_TOGETHER: usize = 150;
 
 /// A point matched to a feature: a landmark, or a temporary point from the last frame's depth.
 #[derive(Clone, Copy, Debug)]
@@ -169,9 +165,7 @@ pub(crate) fn match_by_projection(
     };
     memory.found.clear();
     memory.found.resize(candidates.len(), None);
-    workers::fill(&mut memory.found, SEARCHED_TOGETHER, |i| {
-        search(&candidates[i])
-    });
+    workers::fill(&mut memory.found, |i| search(&candidates[i]));
     let found = (0..).zip(&memory.found);
     let found = found.filter_map(|(i, f)| f.map(|(feature, distance)| (i, feature, distance)));
     let targets = memory.targets.take();

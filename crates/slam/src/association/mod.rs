@@ -8,8 +8,8 @@ mod measure;
 mod predict;
 
 pub(crate) use matching::{
-    Candidate, Expected, MatchMemory, Matches, STRICT_DISTANCE, Target, candidates_of, in_bounds,
-    match_by_descriptor, match_by_projection, match_expected,
+    Candidate, Expected, MatchMemory, Matches, RATIO, STRICT_DISTANCE, Target, candidates_of,
+    in_bounds, match_by_descriptor, match_by_projection, match_expected,
 };
 pub(crate) use measure::{measurement, measurement_in};
 pub(crate) use predict::{is_in_range, level_at, window_of};

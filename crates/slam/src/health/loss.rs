@@ -3,13 +3,9 @@
 use crate::report::{FrameCounts, LostReason};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// Mean grey level below which an image without contrast is black: chosen, a sixteenth of the 256 levels.
+/// Mean grey level below which an image without contrast is black, and as far from 255 white: chosen, a sixteenth of the
+/// 256 levels. An image has no contrast if the standard deviation of its pixels is below half of that.
 const BLACK: f64 = 16.0;
-/// Mean grey level above which an image without contrast is white: 255 less [`BLACK`].
-const WHITE: f64 = 239.0;
-/// Standard deviation of the pixels below which an image has no contrast, grey levels: half of [`BLACK`], so that a
-/// dark image with some contrast is not called black; chosen.
-const FLAT: f64 = 8.0;
 /// Share of pixels with depth below which the depth image counts as empty: a working sensor measures some at every
 /// edge. Chosen: one pixel in twenty is far below any view of a room.
 const NO_DEPTH: f64 = 0.05;
@@ -245,10 +241,11 @@ pub(super) fn cause(clues: &Clues<'_>) -> LossCause {
         needed,
     } = *clues;
     let keypoints = counts.keypoints;
-    if look.contrast < FLAT && look.mean < BLACK {
+    let is_flat = look.contrast < 0.5 * BLACK;
+    if is_flat && look.mean < BLACK {
         return LossCause::Dark { keypoints, needed };
     }
-    if look.contrast < FLAT && look.mean > WHITE {
+    if is_flat && look.mean > 255.0 - BLACK {
         return LossCause::Dazzled { keypoints, needed };
     }
     match reason {

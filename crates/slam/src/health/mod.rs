@@ -17,6 +17,7 @@ use crate::inertial::InertialState;
 use crate::messages::Tracked;
 use crate::odometry::OdometryState;
 use crate::report::{LostReason, Outcome};
+use crate::shutter::TYPICAL_DEPTH;
 use crate::tracking::MIN_INITIAL_POINTS;
 use crowd::Crowd;
 use loss::{Clues, Look, percent};
@@ -27,11 +28,9 @@ use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Standstill};
 use stillpoint_map::MapView;
 
-/// Standard deviation of the speed at which a pose that follows a moving person is displaced, per axis, m/s and rad/s.
-/// People walk at 1 m/s, and one start in some follows a person.
+/// Standard deviation of the speed at which a pose that follows a moving person is displaced, per axis, m/s; it
+/// rotates by as much at [`TYPICAL_DEPTH`]. People walk at 1 m/s, and one start in some follows a person.
 const CARRIED_M_S: f64 = 0.2;
-/// Likewise for rotation, per axis, rad/s: one standard deviation, which displaces points at 2 m by as much as [`CARRIED_M_S`] does.
-const CARRIED_RAD_S: f64 = 0.1;
 
 /// Tracking health at a frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -115,7 +114,10 @@ impl Health {
 /// Adds the displacement with a moving object within `undecided` seconds to a pose's covariance.
 fn carried(mut covariance: Mat6, undecided: Option<f64>) -> Mat6 {
     let since = undecided.unwrap_or(0.0);
-    for (i, speed) in [CARRIED_M_S, CARRIED_RAD_S].into_iter().enumerate() {
+    for (i, speed) in [CARRIED_M_S, CARRIED_M_S / TYPICAL_DEPTH]
+        .into_iter()
+        .enumerate()
+    {
         for axis in 3 * i..3 * i + 3 {
             covariance[(axis, axis)] += (speed * since) * (speed * since);
         }

@@ -9,11 +9,9 @@ const USUAL_AGREEMENT: f64 = 0.75;
 /// Share of image cells with inliers in a good frame: blank walls and floors have none. Chosen: they fill about the
 /// other half of a room's view.
 const USUAL_SPREAD: f64 = 0.5;
-/// Standard deviation of the position at which certainty is one half, m: chosen, about the size of errors among people,
-/// which have medians of 6 mm (fr1_xyz_walkers) and 14 mm (fr1_rpy_walkers; decision 45).
-const HALF_CERTAIN_M: f64 = 0.01;
-/// Standard deviation of the rotation at which certainty is one half, rad: it displaces points at 1 m by [`HALF_CERTAIN_M`].
-const HALF_CERTAIN_RAD: f64 = 0.01;
+/// Standard deviation of position or rotation at which certainty is one half, m and rad: chosen, about the size of
+/// errors among people, which have medians of 6 mm (fr1_xyz_walkers) and 14 mm (fr1_rpy_walkers; decision 45).
+const HALF_CERTAIN: f64 = 0.01;
 
 use crate::evidence::Cells;
 
@@ -72,7 +70,7 @@ impl Quality {
             agreement: share(agreed, USUAL_AGREEMENT * f64::from(matched.max(1))),
             spread: share(cells.count(), USUAL_SPREAD * f64::from(Cells::COUNT)),
             certainty: sigmas.map_or(0.0, |(m, rad)| {
-                let (m, rad) = (m / HALF_CERTAIN_M, rad / HALF_CERTAIN_RAD);
+                let (m, rad) = (m / HALF_CERTAIN, rad / HALF_CERTAIN);
                 1.0 / (1.0 + m * m + rad * rad)
             }),
         }

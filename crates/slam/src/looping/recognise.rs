@@ -5,11 +5,8 @@ use super::nodes::surroundings;
 use stillpoint_map::{Keyframe, KeyframeId, MapView};
 use stillpoint_place::PlaceMatch;
 
-/// Number of most similar keyframes to verify: half of the ten that are verified at most (decision 46).
+/// Number of keyframes to verify, of those most similar and of those expected in view: of ten at most (decision 46).
 pub(super) const CANDIDATES: usize = 5;
-/// Number of similar keyframes to compare with the candidates: a candidate's neighbours come first, similar places
-/// elsewhere after them. Chosen: two such neighbours for each candidate.
-const COMPARED: usize = 3 * CANDIDATES;
 /// Number of newest keyframes excluded as candidates: recently seen places are matched by tracking, or occluded.
 /// Chosen: ten are a second of a fast turn, and then the wanted place is among them (decision 30).
 pub(super) const NEWEST: usize = 3;
@@ -62,7 +59,7 @@ impl LoopCloser {
             |k: KeyframeId| view.keyframe(k).map(|k| k.submap) == Some(keyframe.submap);
         let closes = |k: KeyframeId| self.config.enabled && Some(k) < recent && !near.contains(&k);
         let admit = |k: KeyframeId| k != keyframe.id && (!own_submap(k) || closes(k));
-        let found = self.index.query(&vector, admit, COMPARED);
+        let found = self.index.query(&vector, admit, 3 * CANDIDATES);
         let most = found.iter().take(CANDIDATES);
         most.map(|m| compared(view, m, &found)).collect()
     }

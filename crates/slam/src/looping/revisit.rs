@@ -6,8 +6,10 @@
 
 use super::LoopCloser;
 use super::nodes::group_of;
-use super::recognise::{By, Candidate, NEWEST};
-use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, measurement_in, window_of};
+use super::recognise::{By, CANDIDATES, Candidate, NEWEST};
+use crate::association::{
+    RATIO, STRICT_DISTANCE, landmarks_of, measurement, measurement_in, window_of,
+};
 use stillpoint_estimation::RigidPair;
 use stillpoint_features::best_two;
 use stillpoint_geometry::{Se3, Vec3};
@@ -18,17 +20,13 @@ const MIN_EXPECTED: usize = 40;
 /// Maximum share of these that are already matched, a share (decision 30): a keyframe that shares more is where it
 /// should be.
 const MAX_SHARED: f64 = 0.2;
-/// Number of keyframes to verify, those with most landmarks in the image: half of the ten that are verified at most
-/// (decision 46).
-const MOST: usize = 5;
 /// Search radius around a landmark's expected position, as an angle, rad: the error after some frames of a fast turn
 /// with few features. Measured: 0.25 closes the loops of the same runs (decision 30).
 pub(super) const REACH_RAD: f64 = 0.15;
-/// Maximum ratio of the best to the second-best distance: the one of matching.
-const RATIO: f64 = 0.9;
 /// Number of landmarks projected to decide whether to project all of a keyframe: where a quarter is in the image, one
 /// of 16 is with a probability of 99 %.
 const SAMPLE: usize = 16;
+
 impl LoopCloser {
     /// Older keyframes of the same submap whose landmarks should be in view but are not matched; `known` candidates are
     /// excluded.
@@ -66,7 +64,7 @@ impl LoopCloser {
             }
         }
         found.sort_by_key(|(expected, id)| (std::cmp::Reverse(*expected), *id));
-        found.truncate(MOST);
+        found.truncate(CANDIDATES);
         let candidate = |(_, with)| Candidate {
             with,
             score: 0.0,
@@ -113,7 +111,8 @@ impl LoopCloser {
             let best = best_two(&data.searched(), &window, &landmark.descriptor, |j| {
                 data.mappable[j as usize]
             })?;
-            let unique = f64::from(best.distance) < RATIO * f64::from(best.second_distance);
+            let unique =
+                f64::from(best.distance) < f64::from(RATIO) * f64::from(best.second_distance);
             if best.distance > STRICT_DISTANCE || !unique {
                 return None;
             }

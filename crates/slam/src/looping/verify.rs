@@ -16,11 +16,8 @@ use stillpoint_map::{Keyframe, KeyframeId, LandmarkId, LoopEdge, MapView};
 /// Minimum number of points that agree on a rigid motion, and of landmarks found with it (decision 46): fewer measure
 /// no motion. Whether it is the same place is decided by [`LoopEvidence`](crate::LoopEvidence).
 const MIN_INLIERS: usize = 10;
-/// Search radius for landmarks after the motion from pairs, px on level 0. Chosen: twice the radius of the refined
-/// motion.
-const WIDE_RADIUS_PX: f32 = 8.0;
 /// Search radius with the refined motion, px on level 0: that with which ORB-SLAM2 (Mur-Artal, Tardos 2017) fuses
-/// landmarks at a loop.
+/// landmarks at a loop. After the motion from pairs it is twice as large.
 pub(super) const RADIUS_PX: f32 = 4.0;
 
 /// A geometrically verified motion between two keyframes.
@@ -74,7 +71,7 @@ impl LoopCloser {
         };
         let (mut new_from_old, mut information) = (start, Mat6::zeros());
         // First wide, since a motion from single depths is rough; then narrow, to admit fewer mismatches.
-        for radius in [WIDE_RADIUS_PX, RADIUS_PX] {
+        for radius in [2.0 * RADIUS_PX, RADIUS_PX] {
             let camera_from_world = new_from_old * old.world_from_camera.inverse();
             let search = Search {
                 view,

@@ -17,10 +17,9 @@ const ACCELERATION: f64 = 10.0;
 /// Largest angular acceleration of a base between samples, rad/s^2: that of [`ACCELERATION`] at a wheel a third of a
 /// metre from the middle.
 const TURNING: f64 = 30.0;
-/// Largest quantisation error of a difference of translations, m: chosen, as some odometry is rounded to centimetres.
-const STEP_M: f64 = 0.01;
-/// Largest quantisation error of a difference of rotations, rad: chosen, as some odometry is rounded to half a degree.
-const STEP_RAD: f64 = 0.01;
+/// Largest quantisation error of a difference, m and rad: chosen, as some odometry is rounded to centimetres and half
+/// degrees.
+const STEP: f64 = 0.01;
 
 /// Running mean of velocity changes, relative to the limits of a base.
 #[derive(Clone, Debug, Default)]
@@ -42,8 +41,8 @@ impl Jumps {
         let velocity = velocity(&last.odom_from_base, &sample.odom_from_base, dt);
         if let Some(before) = self.velocity.replace(velocity) {
             let change = |k: usize| (velocity[k] - before[k]).norm() * dt;
-            let moved = change(0) / (STEP_M + ACCELERATION * dt * dt);
-            let turned = change(1) / (STEP_RAD + TURNING * dt * dt);
+            let moved = change(0) / (STEP + ACCELERATION * dt * dt);
+            let turned = change(1) / (STEP + TURNING * dt * dt);
             self.mean += (moved.max(turned).min(MOST) - self.mean) / (self.count + 1.0);
             self.count = (self.count + 1.0).min(WINDOW);
         }

@@ -23,17 +23,15 @@ const KEPT_S: f64 = 35.0;
 /// Maximum number of kept samples: [`KEPT_S`] of a source of 200 Hz are 7000, rounded up to a power of two. The rate is
 /// chosen, above that of usual bases.
 const KEPT: usize = 8192;
-/// Minimum translation error of encoders, tyres and floor, m: chosen, about an encoder's step and the play of its gear.
-const FLOOR_M: f64 = 0.001;
-/// Minimum rotation error, rad: chosen, [`FLOOR_M`] at a wheelbase of 1 m.
-const FLOOR_RAD: f64 = 0.001;
+/// Minimum error of encoders, tyres and floor, m and rad: chosen, about an encoder's step and the play of its gear, at a
+/// wheelbase of 1 m.
+const FLOOR: f64 = 0.001;
 /// Error of a given mount position, m: chosen, as a tape measure gives a position inside a housing to a centimetre.
 const LEVER_SIGMA: f64 = 0.01;
 /// Duration for which odometry is ignored after wheel slip, s: as long as the comparison in which slip is noticed
 /// (`trust::SPAN_S`); chosen.
 const SLIP_S: f64 = 0.5;
-/// Motion between two compared poses below which a base stands still, m and rad: three times [`FLOOR_M`] and
-/// [`FLOOR_RAD`].
+/// Motion between two compared poses below which a base stands still, m and rad: three times [`FLOOR`].
 const IDLE: f64 = 0.003;
 
 #[derive(Clone, Copy, Debug)]
@@ -165,12 +163,12 @@ impl Odometry {
             m.slip_per_radian * way.turned,
             m.turn_per_metre * way.length,
         ]);
-        let turn = norm(&[FLOOR_RAD, way.ends[1], slip.max(way.stated[1])]);
+        let turn = norm(&[FLOOR, way.ends[1], slip.max(way.stated[1])]);
         let slip = norm(&[m.slip_per_metre * way.length, 0.5 * turn * way.length]);
         let lever = m.base_from_camera.translation.norm();
         let mount = MOUNT_SIGMA * way.length + LEVER_SIGMA * way.turned;
         let place = [
-            FLOOR_M,
+            FLOOR,
             way.ends[0],
             slip.max(way.stated[0]),
             mount,

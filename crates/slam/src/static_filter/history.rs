@@ -3,7 +3,7 @@
 use super::cells::CELL_PX;
 use super::surroundings::Surroundings;
 use crate::anchored_pose::AnchoredPose;
-use crate::recycle::refill;
+use crate::recycle::{self, refill};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
@@ -53,23 +53,19 @@ pub(super) struct Spent {
     grids: Vec<Arc<CoarseDepth>>,
 }
 
-/// Maximum number of dropped frames kept for their memory: with uneven frame times several may be dropped before the
-/// next arrives. Chosen: a quarter of a second at 30 Hz.
-const MOST_SPENT: usize = 8;
-
 impl Spent {
     pub(super) fn coarse(&mut self, depth: &DepthImage) -> Arc<CoarseDepth> {
         refill(self.grids.pop(), |grid| grid.rebuild(depth, CELL_PX))
     }
 
     fn take(&mut self, snapshot: Arc<Snapshot>) {
-        if self.snapshots.len() < MOST_SPENT {
+        if self.snapshots.len() < recycle::MOST {
             self.snapshots.push(snapshot);
         }
     }
 
     fn take_grid(&mut self, grid: Arc<CoarseDepth>) {
-        if self.grids.len() < MOST_SPENT {
+        if self.grids.len() < recycle::MOST {
             self.grids.push(grid);
         }
     }

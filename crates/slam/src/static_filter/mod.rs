@@ -48,9 +48,6 @@ use stillpoint_imaging::{CoarseDepth, FrameId, RgbdFrame, workers};
 use stillpoint_map::{KeyframeData, MapView};
 use surfaces::{MOVES, Now, Surfaces};
 
-/// Minimum number of features per thread, as in matching (`SEARCHED_TOGETHER`). Chosen: less is not worth a thread.
-const JUDGED_TOGETHER: usize = 150;
-
 pub(crate) struct FrameInput<'a> {
     pub(crate) frame: &'a RgbdFrame,
     pub(crate) view: &'a MapView,
@@ -290,7 +287,7 @@ impl StaticFilter {
         verdicts.resize(input.features.len(), FeatureVerdict::kept([0.0; 2]));
         let votes = &memory.votes;
         let depth = (&input.frame.depth, grid.data());
-        workers::fill(verdicts, JUDGED_TOGETHER, |i| {
+        workers::fill(verdicts, |i| {
             let pixel = input.features[i];
             let moves = |odds| {
                 odds > -MOVES

@@ -9,18 +9,11 @@ use stillpoint_geometry::{Camera, Se3, Vec2};
 /// (decision 21), the pose before the filter and a rolling shutter by as much again. If the three are independent that
 /// is 0.58 px in all; chosen: 3.5 times that.
 const MOVING_PX: f64 = 2.0;
-/// Distance below which a feature is static, px: about twice the 0.58 px of `MOVING_PX`.
-const STATIC_PX: f64 = 1.2;
-/// A moving feature exceeds the typical distance of the frame by this factor, since the pose before the filter may be
-/// off by pixels. The typical distance is the 30 % quantile; of distances by normal errors, one of 300 exceeds four
-/// times that (Rayleigh distribution).
-const EXCESS: f64 = 4.0;
-/// A moving feature is at least this many of its own standard deviations from its expected position: one of 3000 is by
-/// chance (99.97 % quantile of a Rayleigh distribution).
+/// A moving feature is off by at least this many of its own standard deviations, as one static feature of 3000 is by
+/// chance (99.97 % quantile of a Rayleigh distribution), and by as many typical distances of the frame, as one of 300
+/// is, since the pose before the filter may be off by pixels (the typical distance is the 30 % quantile). One that is
+/// off by less than half of that is static, as are 86 % of the static ones.
 const MOVING_SIGMAS: f64 = 4.0;
-/// A static feature is less than this many of its own standard deviations from its expected position: 86 % of static
-/// ones are (Rayleigh distribution).
-const STATIC_SIGMAS: f64 = 2.0;
 /// Typical distance at which the flow of a frame counts half, px: then an inaccurate pose or rolling shutter explains
 /// most apparent motion. Chosen: some three times the third of a pixel that flow errs by (decision 21).
 const HALF_CERTAIN_PX: f64 = 0.9;
@@ -148,8 +141,7 @@ impl Votes {
         if typical > MAX_TYPICAL_PX {
             return;
         }
-        let scale = EXCESS * typical;
-        let (moving, still) = (MOVING_PX.max(scale), STATIC_PX.max(0.5 * scale));
+        let moving = least_moving(MOVING_PX, typical);
         // The flow of a single corner is weaker evidence than that of a surface: unused while the camera's motion is
         // uncertain.
         if typical <= HALF_CERTAIN_PX {
@@ -158,13 +150,12 @@ impl Votes {
         let vote = |f: Tested<'a>| {
             let d = f.distance?;
             let moving = least_moving(moving, f.sigma);
-            let still = still.max(STATIC_SIGMAS * f.sigma);
             let cell = cells.at(f.pixel[0], f.pixel[1]);
             // A window that an occluder's edge crosses follows that edge.
             let is_clear = if d > moving {
                 !is_beside_nearer(cells, grid, cell, f.z)
             } else {
-                d < still
+                d < 0.5 * moving
             };
             is_clear.then_some(Vote {
                 cell,
@@ -201,7 +192,7 @@ impl Votes {
     }
 }
 
-/// Distance from which a feature with this standard deviation moves, px.
+/// Distance from which a feature with this standard deviation, or in a frame of this typical distance, moves, px.
 fn least_moving(moving_px: f64, sigma: f64) -> f64 {
     moving_px.max(MOVING_SIGMAS * sigma)
 }
@@ -254,12 +245,7 @@ mod tests {
     }
 
     /// Likewise for features at 1 m in front of or beside other surfaces.
-    fn votes_on(
-        grid: &[f32],
-        pixels: &[[f32; 2]],
-        distances: &[Option<f64>],
-        sigma: f64,
-    ) -> Votes {
+    fn votes_on(grid: &[f32], pixels: &[[f32; 2]], distances: &[Option<f64>], sigma: f64) -> Votes {
         let mut votes = Votes::default();
         let features = pixels.iter().zip(distances).map(|(pixel, d)| Tested {
             pixel,
@@ -414,7 +400,11 @@ mod tests {
             votes_on(&grid, &pixels, &[Some(distance), Some(0.1)], 0.1).votes
         };
         assert_eq!(moving(&votes(0.5, 9.0)), 0, "background beside an edge");
-        for (depth, name) in [(3.0, "an edge itself"), (0.98, "a surface"), (0.0, "a hole")] {
+        for (depth, name) in [
+            (3.0, "an edge itself"),
+            (0.98, "a surface"),
+            (0.0, "a hole"),
+        ] {
             assert_eq!(moving(&votes(depth, 9.0)), 1, "{name}");
         }
         assert_eq!(votes(0.5, 0.1).len(), 2, "static votes stay");

@@ -11,14 +11,13 @@ const COUPLING: f32 = 0.9;
 /// Number of forward and backward sweeps, chosen: enough to cross a person.
 const SWEEPS: usize = 3;
 
-/// Share of the neighbours' sum that is taken over, by the number of joined neighbours: `COUPLING` over that number.
-const SHARES: [f32; 5] = [
-    0.0,
-    COUPLING,
-    COUPLING / 2.0,
-    COUPLING / 3.0,
-    COUPLING / 4.0,
-];
+/// Share of the neighbours' sum that is taken over by a cell with these joined neighbours.
+fn share(bits: u8) -> f32 {
+    match bits.count_ones() {
+        0 => 0.0,
+        n => COUPLING / n as f32,
+    }
+}
 
 /// Whether the depths of two neighbouring cells, m, belong to one surface.
 pub(super) fn joined(a: f32, b: f32) -> bool {
@@ -77,7 +76,7 @@ impl Links {
             weights.below[slot] = weight(bits, 1);
             weights.left[slot] = weight(bits, 2);
             weights.above[slot] = weight(bits, 3);
-            weights.share[slot] = SHARES[bits.count_ones() as usize];
+            weights.share[slot] = share(bits);
         }
         self.layout = layout;
     }
@@ -235,7 +234,7 @@ mod tests {
                 };
                 let sum = joined(1, i + 1) + joined(2, i + W);
                 let sum = sum + joined(4, i.wrapping_sub(1)) + joined(8, i.wrapping_sub(W));
-                let share = SHARES[links.bits[i].count_ones() as usize];
+                let share = share(links.bits[i]);
                 expected[i] = (own[i] + share * sum).clamp(-LIMIT, LIMIT);
             }
             let found = spread_by(&links, &own);

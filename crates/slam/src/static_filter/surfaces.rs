@@ -3,7 +3,7 @@
 use super::cells::Cells;
 use super::history::History;
 use super::rigid::Votes;
-use super::segments::{Links, Slots};
+use super::segments::{LIMIT, Links, Slots};
 use super::semantic::Mover;
 use super::visibility::{self, Earlier};
 use crate::pace::worth;
@@ -14,28 +14,22 @@ use stillpoint_map::MapView;
 /// Ages of the frames to compare with, s: from a few frames, for fast objects, to seconds, for slow ones, each about
 /// twice the one before. With 0.4 s alone fr1_xyz_walkers has 4.8 times the error (decision 54).
 const AGES: [f64; 5] = [0.2, 0.4, 0.8, 1.6, 3.0];
-/// Minimum number of cells per thread in comparisons with earlier frames. Chosen: 640x480 px have 4800 cells, which
-/// makes four parts at most.
-const CELLS_TOGETHER: usize = 1000;
 /// Share of a surface's log odds kept from one frame of 30 Hz to the next: 1/e is left after 0.2 s, the youngest of
 /// `AGES`. Without memory errors are 0.81 to 1.14 times as large (decision 54).
 const KEEP: f32 = 0.85;
 
-/// Log odds from flow, per share of moving features beyond `NEUTRAL`: 5.2 if all move. Chosen: the bound of the odds
-/// (`LIMIT`). Without flow as evidence fr1_xyz_walkers has 1.26 times the error (decision 54).
-const FLOW: f32 = 8.0;
-/// Share of moving features at which flow is no evidence. Chosen above the quarter of features that votes wrongly in
-/// single frames (decision 23).
+/// Share of moving features at which flow is no evidence; the log odds are [`LIMIT`] times what exceeds it. Without this
+/// evidence fr1_xyz_walkers has 1.26 times the error (decision 54). Chosen above the quarter of features that votes
+/// wrongly in single frames (decision 23).
 const NEUTRAL: f32 = 0.35;
-/// Log odds against moving if all features seem to move while the camera's motion is unknown. Chosen: those from which
-/// a surface is certain not to move (`SURE`). Without it tartanair_office has 11 times the error (decision 54).
-const DOUBT: f32 = 3.0;
 /// Number of votes, after spreading, with half the weight of many. Chosen: one vote counts by two thirds.
 const HALF_VOTES: f32 = 0.5;
 
 /// Log odds above which a surface moves: 2.7 to one. Chosen above 0, since most surfaces are static.
 pub(super) const MOVES: f32 = 1.0;
-/// Log odds from which a surface is certain to move or, negated, certain not to: 20 to one, the usual 5 %, chosen.
+/// Log odds from which a surface is certain to move or, negated, certain not to: 20 to one, the usual 5 %, chosen. So
+/// certain is it not to move if everything seems to, while the camera's motion is unknown: without that tartanair_office
+/// had 11 times the error (decision 54).
 const SURE: f32 = 3.0;
 /// Duration for which an object that stopped is suspected, s. Chosen: twice the oldest of `AGES`, so that all of them
 /// have seen it static for as long again.
@@ -242,7 +236,7 @@ impl Surfaces {
 fn weigh_free_space(cells: &Cells, now: &Now<'_>, evidence: &mut Vec<f32>) {
     evidence.clear();
     evidence.resize(cells.count(), 0.0);
-    workers::in_rows(evidence, 1, CELLS_TOGETHER, |first, evidence| {
+    workers::in_rows(evidence, 1, |first, evidence| {
         for s in now.history.at_ages(now.stamp, &AGES) {
             let earlier = Earlier {
                 grid: &s.grid,
@@ -299,7 +293,7 @@ fn weigh_flow(
         if *past < 0.0 {
             *past *= 1.0 - trust * ((share - NEUTRAL) / (1.0 - NEUTRAL)).max(0.0);
         }
-        *e += FLOW * trust * (share - NEUTRAL) - DOUBT * (1.0 - certainty) * share;
+        *e += LIMIT * trust * (share - NEUTRAL) - SURE * (1.0 - certainty) * share;
     }
 }
 

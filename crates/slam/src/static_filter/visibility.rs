@@ -12,15 +12,12 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::CoarseDepth;
 
 /// Log odds of "moving" from one earlier frame that saw through the place: 55 to one. Chosen: twice the maximum for
-/// agreement with another frame (`MATCH_LIMIT`). Without this evidence fr1_xyz_walkers has 14 times the error (decision
-/// 54).
+/// agreement with another frame, since another surface may have the same depth. Without this evidence fr1_xyz_walkers
+/// has 14 times the error (decision 54).
 const SEEN_THROUGH: f32 = 4.0;
-/// Log odds against moving from agreement with an earlier frame, per second of its age, log odds up to `MATCH_LIMIT`.
+/// Log odds against moving from agreement with an earlier frame, per second of its age, up to half of [`SEEN_THROUGH`].
 /// Chosen: the limit is reached after 0.44 s, when an object at 2 m and 0.17 m/s has left the tolerance of 7 cm.
 const MATCH_PER_SECOND: f32 = 4.5;
-/// Maximum for agreement with one frame, log odds: half of `SEEN_THROUGH`, since another surface at the same depth
-/// agrees as well. Chosen.
-const MATCH_LIMIT: f32 = 2.0;
 /// Minimum number of neighbours with depth in the earlier frame to call a place empty: the majority of 3x3 cells.
 const MIN_VALID: u8 = 5;
 
@@ -101,7 +98,7 @@ pub(super) fn add_evidence(
     earlier: &Earlier<'_>,
     (first, evidence): (usize, &mut [f32]),
 ) {
-    let weight = (MATCH_PER_SECOND * earlier.age as f32).min(MATCH_LIMIT);
+    let weight = (MATCH_PER_SECOND * earlier.age as f32).min(0.5 * SEEN_THROUGH);
     let motion = CellMotion::new(&earlier.earlier_from_now);
     motion.for_each(
         cells,
@@ -392,7 +389,7 @@ mod tests {
         let middle = 15 * 40 + 20;
         let at = |age, was_moving| evidence(&wall, &wall, 0.0, age, was_moving)[middle];
         assert!(at(0.2, false) > at(0.4, false));
-        assert!((at(3.0, false) + MATCH_LIMIT).abs() < f32::EPSILON);
+        assert!((at(3.0, false) + 0.5 * SEEN_THROUGH).abs() < f32::EPSILON);
         // A large moving object overlaps with its earlier position.
         assert!(at(0.2, true).abs() < f32::EPSILON);
         assert!(at(3.0, true).abs() < f32::EPSILON);

@@ -25,7 +25,7 @@ const BLIND_S: f64 = 1.0;
 /// 1.3 m/s that people walk at (Bohannon, Age and Ageing 1997).
 const BLIND_M_S: f64 = 0.3;
 /// Uncertainty of the position from which odometry propagates, m: chosen, the tolerance between two poses elsewhere
-/// (`trust::SLACK_M`).
+/// (`trust::SLACK`).
 const PLACE_M: f64 = 0.02;
 
 #[derive(Clone, Copy, Debug)]

@@ -2,9 +2,10 @@
 
 use stillpoint_geometry::{Mat6, Se3};
 
-/// Share of the weight, or of the pairs, that counts as nearly all. A motion on which nearly all agree is accepted
-/// unless a gyroscope contradicts it or a person may fill the view. Chosen: people filled nine tenths of the view in
-/// the scenes of decision 39.
+/// Share of the weight, of the pairs, or of the free vote's weight that counts as nearly all. A motion on which nearly all
+/// agree is accepted unless a gyroscope contradicts it or a person may fill the view. A vote bound to a sensor that may
+/// not decide needs nearly the weight of the free one: with half of it badly mounted wheels cost 56 and 177 mm
+/// (decision 41), such a gyroscope 70 and 111 mm (decision 39). Chosen: people filled nine tenths of the view there.
 pub(super) const PLAIN_SHARE: f64 = 0.9;
 
 /// A camera motion from a flow vote.
@@ -37,12 +38,6 @@ pub(super) struct Choice {
     pub(super) against: bool,
 }
 
-/// Minimum weight of the bound vote, as a share of the free vote's weight, while the sensor may not decide which motion
-/// is the camera's. Any rotation fits the flow of a near person with a suitable translation, and in a crowd a person
-/// moves as badly mounted wheels predict: with half of the weight these cost 56 and 177 mm at worst (decision 41), and
-/// scenes with such a gyroscope had 70 and 111 mm (decision 39).
-const SENSOR_SHARE: f64 = 0.9;
-
 impl Choice {
     /// Takes the bound vote, unless most of the image contradicts it and the sensor does not decide (`rules`).
     /// `agrees`: whether the free vote moves as the sensor does.
@@ -60,7 +55,7 @@ impl Choice {
             };
         }
         let share = |vote: &Option<Vote>| vote.as_ref().map_or(0.0, |v| v.share);
-        let weak = share(&bound) < SENSOR_SHARE * share(&free);
+        let weak = share(&bound) < PLAIN_SHARE * share(&free);
         // If nearly all features agree on the free motion, not just those with weight, there is no static background
         // beside a crowd for an unproven sensor to reveal.
         let is_alone = free.as_ref().is_some_and(Vote::is_of_nearly_all);

@@ -1,7 +1,7 @@
 //! Measures an RGB-D frame: keypoints, undistorted positions, depths and their noise.
 
 use super::flow_search::{FlowImages, FlowSearch};
-use crate::recycle::refill_or;
+use crate::recycle::{self, refill_or};
 use crate::sensor::{DepthPoint, DepthReader, DepthReading, LANES, SensorConfig};
 use crate::shutter::{Shutter, TYPICAL_DEPTH};
 use crate::static_filter::FeatureVerdict;
@@ -11,9 +11,6 @@ use stillpoint_features::{Descriptor, FeatureGrid, Features, Keypoint, OrbConfig
 use stillpoint_geometry::{Camera, Vec2, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd, workers};
 use stillpoint_map::KeyframeData;
-
-/// Minimum number of features per thread: chosen, so that the work outweighs the cost of sharing it (decision 38).
-const MEASURED_TOGETHER: usize = 250;
 
 /// Standard deviation of a keypoint's position on the finest level, across its edge, px. Measured by the distance of
 /// matches from their landmarks: 0.1 to 0.5 px. With it and edges errors are 0.8 times as large as with the 1 px of
@@ -40,10 +37,6 @@ pub(super) struct Observer {
     /// Recently returned data, whose memory is reused once released.
     handed_over: Vec<Arc<KeyframeData>>,
 }
-
-/// Maximum number of frames kept for reuse: no frame uses more at once. Measured: a steady frame allocates only memory
-/// that leaves with its report (docs/scale.md).
-const MOST_HANDED_OVER: usize = 6;
 
 impl Observer {
     pub(super) fn new(camera: Camera, sensor: SensorConfig, orb: &OrbConfig, simd: Simd) -> Self {
@@ -98,11 +91,9 @@ impl Observer {
         let reader = DepthReader::new(&self.sensor, &self.camera, &frame.depth, None, 0.0);
         let raw = |i: usize| raw_pixel(&keypoints[i]);
         self.undistorted.resize(keypoints.len(), Vec2::zeros());
-        workers::fill(&mut self.undistorted, MEASURED_TOGETHER, |i| {
-            self.camera.undistort(raw(i))
-        });
+        workers::fill(&mut self.undistorted, |i| self.camera.undistort(raw(i)));
         self.depths.resize(keypoints.len(), 0.0);
-        workers::in_rows(&mut self.depths, 1, MEASURED_TOGETHER, |first, depths| {
+        workers::in_rows(&mut self.depths, 1, |first, depths| {
             reader.depths_at(|i| raw(first + i), depths);
         });
     }
@@ -127,7 +118,7 @@ impl Observer {
         let mut seen = std::mem::take(&mut self.seen);
         let count = self.features.keypoints.len();
         seen.resize(count, Seen::default());
-        workers::in_rows(&mut seen, LANES, MEASURED_TOGETHER / LANES, |row, seen| {
+        workers::in_rows(&mut seen, LANES, |row, seen| {
             let mut first = row * LANES;
             for seen in seen.chunks_mut(LANES) {
                 self.measure_some(first, (&reader, &shutter, velocity), seen);
@@ -170,7 +161,7 @@ impl Observer {
         let spent = spent.map(|i| self.handed_over.remove(i));
         let camera = self.camera;
         let data = refill_or(spent, || nothing(camera), |data| fill(self, data));
-        if self.handed_over.len() >= MOST_HANDED_OVER {
+        if self.handed_over.len() >= recycle::MOST {
             self.handed_over.remove(0);
         }
         self.handed_over.push(Arc::clone(&data));

@@ -15,12 +15,10 @@ use stillpoint_geometry::{Se3, Vec3};
 /// Maximum deviation of a motion from the sensor's, in the sensor's standard deviations: the root of the 99.9 %
 /// quantile of chi-square with three degrees of freedom, 4.03, rounded.
 const GATE_SIGMAS: f64 = 4.0;
-/// Pose error that is allowed for when a motion is compared with a sensor, rad: 0.3 degrees, that of a blurred image
-/// with a rolling shutter. It is twice `trust::POSES_SIGMA`, rounded.
+/// Pose error that is allowed for when a motion is compared with a sensor, rad and m: 0.3 degrees, that of a blurred
+/// image with a rolling shutter (twice `trust::POSES_SIGMA`, rounded); from one frame to the next poses jitter by 4 mm
+/// in the median (fr1_xyz, decision 42). After a larger map correction earlier poses are not compared with sensors.
 pub(super) const GATE_POSE: f64 = 0.005;
-/// Pose error that is allowed for when a motion is compared with a sensor, m: from one frame to the next poses jitter
-/// by 4 mm in the median (fr1_xyz, decision 42).
-const GATE_POSE_M: f64 = 0.005;
 /// Stamp error that is allowed for when a motion is compared with a sensor, s: a clock that was estimated was late by
 /// 2.2 ms in `rpy_60` (measured, docs/evidence/sensors.md).
 const GATE_TIME: f64 = 0.002;
@@ -29,11 +27,6 @@ const GATE_TIME: f64 = 0.002;
 const COMPARED_S: [f64; 3] = [0.0, 0.2, 1.0];
 /// Duration of kept poses, s: the sum of the longest of [`COMPARED_S`] and six frames of 30 Hz.
 const REMEMBERED_S: f64 = 1.2;
-/// Rotation of the last pose by a map correction above which earlier poses are no longer compared with sensors, rad:
-/// chosen, below [`GATE_POSE`], so that a correction is not taken for a contradiction.
-const SAME_WORLD: f64 = 0.003;
-/// Likewise for its translation and odometry, m: as much as [`GATE_POSE_M`] allows a pose to err by; chosen.
-const SAME_WORLD_M: f64 = 0.005;
 /// Number of matches below which sensors contribute to the pose: decision 39 has the turn with blocked view with and
 /// without it.
 pub(super) const FEW: usize = 80;
@@ -135,7 +128,7 @@ impl Known {
     fn gates(&self, seconds: f64) -> [f64; 2] {
         let place = self.shift.map_or(f64::INFINITY, |s| {
             let speed = s.later_from_earlier.norm() / seconds.max(1e-3);
-            GATE_SIGMAS * s.sigma + GATE_POSE_M + GATE_TIME * speed
+            GATE_SIGMAS * s.sigma + GATE_POSE + GATE_TIME * speed
         });
         [gate(&self.turn, seconds), place]
     }
@@ -328,8 +321,8 @@ impl Tracker {
         let Some((before, now)) = before.zip(now) else {
             return;
         };
-        let turned = before.rotation.angle_to(&now.rotation) > SAME_WORLD;
-        let moved = (before.translation - now.translation).norm() > SAME_WORLD_M;
+        let turned = before.rotation.angle_to(&now.rotation) > GATE_POSE;
+        let moved = (before.translation - now.translation).norm() > GATE_POSE;
         if turned || (moved && self.sensors.odometry.is_some()) {
             self.interrupt_comparisons();
         }

@@ -18,11 +18,8 @@ use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
 /// Search radius around the prediction from the last frame, px on level 0, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MOTION_RADIUS_PX: f32 = 15.0;
 /// If the last frame does not match, number of keyframes to try that are most covisible with the reference keyframe:
-/// chosen, as each costs a comparison of all descriptors.
+/// chosen, as each costs a comparison of all descriptors. Half as many of the newest follow.
 const COVISIBLE: usize = 8;
-/// If the last frame does not match, number of newest keyframes to try: half of [`COVISIBLE`], chosen, as most of them
-/// are among those.
-const NEWEST: usize = 4;
 
 impl Tracker {
     /// Matches to the last frame around the prediction, else in wider windows, else to keyframes by descriptor alone.
@@ -92,7 +89,7 @@ impl Tracker {
             .keyframes()
             .filter(|k| Some(k.submap) == submap);
         let newest: Vec<KeyframeId> = of_submap.map(|k| k.id).collect();
-        ids.extend(newest.iter().rev().take(NEWEST));
+        ids.extend(newest.iter().rev().take(COVISIBLE / 2));
         let mut tried: Vec<KeyframeId> = Vec::new();
         for id in ids {
             if tried.contains(&id) {

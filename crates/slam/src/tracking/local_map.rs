@@ -21,8 +21,6 @@ const MAX_KEYFRAMES: usize = 40;
 /// than in a static scene. The code of ORB-SLAM2 (Mur-Artal, Tardos 2017), which has both radii, multiplies them by 1
 /// for stereo cameras and by 3 for RGB-D.
 pub(super) const LOCAL_RADIUS: f32 = 2.0;
-/// Minimum number of landmarks per thread: chosen, so that the work outweighs the cost of sharing it (decision 38).
-const SEARCHED_TOGETHER: usize = 250;
 /// Maximum distance of keyframes around a pose, m (decision 18).
 const AROUND_M: f64 = 1.5;
 /// Minimum cosine between a landmark's mean viewing direction and the current one; beyond 60 degrees it looks
@@ -275,9 +273,7 @@ impl LocalMap {
         } = &mut self.memory;
         visible.clear();
         visible.resize(self.entries.len(), None);
-        workers::fill(visible, SEARCHED_TOGETHER, |i| {
-            viewpoint.see(&self.entries[i])
-        });
+        workers::fill(visible, |i| viewpoint.see(&self.entries[i]));
         let mut result = LocalSearch::default();
         // Sequential, since matches compete for features.
         missed.clear();
@@ -307,7 +303,7 @@ impl LocalMap {
         }
         sights.clear();
         sights.resize(missed.len(), Sight::Open);
-        workers::fill(sights, SEARCHED_TOGETHER, |i| sight(&missed[i].1));
+        workers::fill(sights, |i| sight(&missed[i].1));
         for ((id, _), sight) in missed.iter().zip(sights) {
             seen(*id, *sight);
         }

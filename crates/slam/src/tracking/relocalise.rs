@@ -4,6 +4,7 @@ use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
 use super::outcome::Ending;
 use super::pose::{PosePrior, PoseSolver};
+use super::starved::MAX_DRIFT_M;
 use super::state::LastFrame;
 use super::{Notes, Solution, Tracker};
 use crate::association::{Target, candidates_of, match_by_descriptor, measurement};
@@ -25,9 +26,6 @@ const MIN_SHARE: f64 = 0.1;
 /// Time after which a lost camera can be anywhere, s. Before that, it is no farther from its last pose than a thrown
 /// camera (decision 14).
 const CARRIED_S: f64 = 1.0;
-/// Initial distance of a lost camera from its last pose, m: that pose is uncertain. It equals `starved::MAX_DRIFT_M`
-/// (decision 18).
-const REACH_M: f64 = 0.5;
 /// Speed at which a lost camera may move away from its last pose, m/s: that of a thrown camera. The fastest walk of
 /// young men is 2.5 m/s (Bohannon, Age and Ageing 1997).
 const REACH_M_S: f64 = 3.0;
@@ -101,7 +99,7 @@ impl Tracker {
         let reachable = if other_submap {
             seconds >= CARRIED_S
         } else {
-            seconds >= CARRIED_S || moved <= REACH_M + REACH_M_S * seconds
+            seconds >= CARRIED_S || moved <= MAX_DRIFT_M + REACH_M_S * seconds
         };
         enough && share >= MIN_SHARE && reachable
     }

@@ -22,8 +22,9 @@ use stillpoint_map::KeyframeData;
 /// Factor on the search radius to recover the map: landmarks are off by the drift since (decision 18).
 const WIDER: f32 = 5.0;
 /// Maximum distance of the recovered pose from the pose before, m: tracking does not drift farther. Decision 18
-/// measured 5 to 10 cm after a second of people, of which this is five times as much.
-const MAX_DRIFT_M: f64 = 0.5;
+/// measured 5 to 10 cm after a second of people, of which this is five times as much. The last pose of a lost
+/// camera is as uncertain.
+pub(super) const MAX_DRIFT_M: f64 = 0.5;
 /// Maximum angle of the recovered pose from the pose before, rad: tracking does not drift farther. It is 20 degrees
 /// (decision 18).
 const MAX_DRIFT_RAD: f64 = 0.35;

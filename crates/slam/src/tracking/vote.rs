@@ -7,7 +7,7 @@
 use super::Tracker;
 use super::choice::{Choice, PLAIN_SHARE, Vote};
 use super::crowd::{CROWD, SOME_MOVE, UNDECIDED};
-use super::known::Known;
+use super::known::{GATE_POSE, Known};
 use crate::association::{Candidate, match_by_descriptor, measurement};
 use crate::static_filter::FlowPair;
 use stillpoint_estimation::{
@@ -30,28 +30,19 @@ const PEAK: f64 = 60.0;
 /// Sharpness for matches by descriptor, which err by a pixel and more (decision 21): the vote is halved at a third of
 /// the gate's residual, one pixel.
 const ROUGH_PEAK: f64 = 6.0;
-/// Error of a constant-velocity prediction after a frame, m (decisions 44 and 54).
-const PRIOR_SIGMA_M: f64 = 0.02;
-/// Error of a constant-velocity prediction after a frame, rad: chosen, it displaces points at 1 m by [`PRIOR_SIGMA_M`].
-const PRIOR_SIGMA_RAD: f64 = 0.02;
-/// Minimum error of a prediction by wheels, including that of votes, m: as much as `known::GATE_POSE_M` allows; chosen.
-const WHEELED_SIGMA_M: f64 = 0.005;
-/// Minimum error of a prediction by wheels, including that of votes, rad: chosen, between the error of two poses
-/// (`trust::POSES_SIGMA`) and `known::GATE_POSE`.
-const WHEELED_SIGMA_RAD: f64 = 0.004;
+/// Error of a constant-velocity prediction after a frame, m and rad (decisions 44 and 54).
+const PRIOR_SIGMA: f64 = 0.02;
 /// Maximum number of voting pairs: enough for a pose to a millimetre. Chosen: a pair that errs by a third of a pixel
 /// gives 1.2 mm at 2 m (f = 535 px), and 300 average out their independent errors.
 const MAX_PAIRS: usize = 300;
 /// Minimum share of the weight that must agree on the motion. Chosen: people held 28 % of the image in the case of
 /// decision 21.
 const MIN_WEIGHT_SHARE: f64 = 0.4;
-/// Minimum number of agreeing matches by descriptor, together with [`ROUGH_SHARE`] of the weight: over a wide baseline
+/// Minimum number of agreeing matches by descriptor, together with half of [`MIN_WEIGHT_SHARE`]: over a wide baseline
 /// most matches are wrong, and such an agreement to a pixel is no coincidence. Flow starting from that motion then
 /// decides which motion is the camera's. The code of ORB-SLAM2 (Mur-Artal, Tardos 2017) requires as many matches to the
 /// last frame.
 const ROUGH_AGREED: usize = 20;
-/// Share of the weight for that: half of [`MIN_WEIGHT_SHARE`], chosen as most matches by descriptor may be wrong.
-const ROUGH_SHARE: f64 = 0.2;
 /// Minimum share of the weight for a motion bound to sensors, which rule out other motions. People fill up to nine
 /// tenths of a view (decision 39), of which this is the rest.
 const MIN_BOUND_SHARE: f64 = 0.1;
@@ -205,11 +196,8 @@ impl Tracker {
             .filter(|k| k.confirmed)
             .and_then(|k| Some((k, k.shift?)));
         let (sigma_m, sigma_rad) = match wheels {
-            Some((known, shift)) => (
-                shift.sigma.max(WHEELED_SIGMA_M),
-                known.turn.sigma.max(WHEELED_SIGMA_RAD),
-            ),
-            None => (PRIOR_SIGMA_M, PRIOR_SIGMA_RAD),
+            Some((known, shift)) => (shift.sigma.max(GATE_POSE), known.turn.sigma.max(GATE_POSE)),
+            None => (PRIOR_SIGMA, PRIOR_SIGMA),
         };
         MotionPrior {
             b_from_a: world_from_last.inverse() * predicted.inverse(),
@@ -295,7 +283,8 @@ impl Tracker {
             },
             rng(self.setup.seed, address, Purpose::FIRST_MOTION),
         )?;
-        let believed = motion.count >= ROUGH_AGREED && motion.weight_share >= ROUGH_SHARE;
+        let believed =
+            motion.count >= ROUGH_AGREED && motion.weight_share >= 0.5 * MIN_WEIGHT_SHARE;
         believed.then(|| Vote {
             camera_from_world: motion.b_from_a * last.world_from_camera.inverse(),
             exact: false,
