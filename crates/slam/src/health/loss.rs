@@ -3,8 +3,8 @@
 use crate::report::{FrameCounts, LostReason};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// Mean grey level below which an image without contrast is black, and as far from 255 white: chosen, a sixteenth of the
-/// 256 levels. An image has no contrast if the standard deviation of its pixels is below half of that.
+/// Mean grey level below which an image without contrast is black, and as far from 255 white: chosen, a sixteenth of
+/// the 256 levels. An image has no contrast if the standard deviation of its pixels is below half of that.
 const BLACK: f64 = 16.0;
 /// Share of pixels with depth below which the depth image counts as empty: a working sensor measures some at every
 /// edge. Chosen: one pixel in twenty is far below any view of a room.

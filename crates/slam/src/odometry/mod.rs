@@ -23,8 +23,8 @@ const KEPT_S: f64 = 35.0;
 /// Maximum number of kept samples: [`KEPT_S`] of a source of 200 Hz are 7000, rounded up to a power of two. The rate is
 /// chosen, above that of usual bases.
 const KEPT: usize = 8192;
-/// Minimum error of encoders, tyres and floor, m and rad: chosen, about an encoder's step and the play of its gear, at a
-/// wheelbase of 1 m.
+/// Minimum error of encoders, tyres and floor, m and rad: chosen, about an encoder's step and the play of its gear, at
+/// a wheelbase of 1 m.
 const FLOOR: f64 = 0.001;
 /// Error of a given mount position, m: chosen, as a tape measure gives a position inside a housing to a centimetre.
 const LEVER_SIGMA: f64 = 0.01;

@@ -39,7 +39,7 @@ pub use verdict::{FeatureVerdict, Reasons};
 use crate::recycle::refill;
 use cells::Cells;
 use history::{History, Snapshot};
-use rigid::{Tested, Votes};
+use rigid::Votes;
 use semantic::Mover;
 use std::sync::Arc;
 use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker};
@@ -276,7 +276,7 @@ impl StaticFilter {
             view: input.view,
             history: &self.history,
         };
-        self.count_rigid(input, grid, &mut memory.votes);
+        self.count_rigid(input, &mut memory.votes);
         let (cells, votes) = (&self.rules.cells, &memory.votes);
         self.surfaces = refill(memory.surfaces.take(), |next| {
             self.surfaces
@@ -347,7 +347,7 @@ impl StaticFilter {
         (0..data.len() as u32).filter(on_mover).collect()
     }
 
-    fn count_rigid(&self, input: &FrameInput<'_>, grid: &CoarseDepth, votes: &mut Votes) {
+    fn count_rigid(&self, input: &FrameInput<'_>, votes: &mut Votes) {
         if !self.rules.config.parts.geometry {
             return votes.clear();
         }
@@ -356,13 +356,8 @@ impl StaticFilter {
         };
         let sigma = |p: &Option<FlowPair>| p.as_ref().map_or(0.0, FlowPair::sigma);
         let features = input.features.iter().zip(input.pairs).zip(input.depths);
-        let features = features.map(|((pixel, pair), z)| Tested {
-            pixel,
-            z: *z,
-            distance: distance(pair, *z),
-            sigma: sigma(pair),
-        });
-        votes.count((&self.rules.cells, grid.data()), features);
+        let features = features.map(|((f, pair), z)| (f, distance(pair, *z), sigma(pair)));
+        votes.count(&self.rules.cells, features);
         if !input.few && self.asks_holes() {
             votes.count_holes(&self.rules.cells, &self.rules.camera, input);
         }

@@ -1,7 +1,6 @@
 //! The rigid test of single features: compares flow with that of a static scene.
 
 use super::cells::Cells;
-use super::segments::joined;
 use super::{FlowPair, FrameInput};
 use stillpoint_geometry::{Camera, Se3, Vec2};
 
@@ -9,10 +8,12 @@ use stillpoint_geometry::{Camera, Se3, Vec2};
 /// (decision 21), the pose before the filter and a rolling shutter by as much again. If the three are independent that
 /// is 0.58 px in all; chosen: 3.5 times that.
 const MOVING_PX: f64 = 2.0;
+/// Distance below which a feature is static, px: about twice the 0.58 px of `MOVING_PX`.
+const STATIC_PX: f64 = 1.2;
 /// A moving feature is off by at least this many of its own standard deviations, as one static feature of 3000 is by
 /// chance (99.97 % quantile of a Rayleigh distribution), and by as many typical distances of the frame, as one of 300
 /// is, since the pose before the filter may be off by pixels (the typical distance is the 30 % quantile). One that is
-/// off by less than half of that is static, as are 86 % of the static ones.
+/// off by less than half as many is static, as are 86 % of the static ones.
 const MOVING_SIGMAS: f64 = 4.0;
 /// Typical distance at which the flow of a frame counts half, px: then an inaccurate pose or rolling shutter explains
 /// most apparent motion. Chosen: some three times the third of a pixel that flow errs by (decision 21).
@@ -70,29 +71,6 @@ pub(super) fn least_distance_px(
     Some(pair.length(to - at * along))
 }
 
-/// A feature and its distance from the position in a static scene.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Tested<'a> {
-    /// In the raw image.
-    pub(super) pixel: &'a [f32; 2],
-    /// Depth, m; 0 if unknown.
-    pub(super) z: f32,
-    /// px, if flow and depth are known.
-    pub(super) distance: Option<f64>,
-    /// Standard deviation of the distance, px.
-    pub(super) sigma: f64,
-}
-
-/// Whether one of the 3x3 cells around a cell, which hold the window of flow, has a surface in front of depth `z`.
-fn is_beside_nearer(cells: &Cells, grid: &[f32], cell: usize, z: f32) -> bool {
-    let mut found = false;
-    cells.for_each_around(cell, |near| {
-        let depth = grid[near];
-        found |= depth > 0.0 && depth < z && !joined(depth, z);
-    });
-    found
-}
-
 #[derive(Clone, Debug)]
 pub(super) struct Votes {
     /// Votes of features with a clear result.
@@ -126,39 +104,33 @@ impl Votes {
         self.holes.clear();
     }
 
-    /// Counts the votes of all features with a clear result; none if the camera's motion is in doubt. `grid`: depth of
-    /// each cell, m.
+    /// Counts the votes of all features with a clear result; none if the camera's motion is in doubt. A feature has a
+    /// raw pixel, a distance if flow and depth are known, and its standard deviation (px).
     pub(super) fn count<'a>(
         &mut self,
-        (cells, grid): (&Cells, &[f32]),
-        features: impl Iterator<Item = Tested<'a>> + Clone,
+        cells: &Cells,
+        features: impl Iterator<Item = (&'a [f32; 2], Option<f64>, f64)> + Clone,
     ) {
         self.clear();
         self.known.clear();
-        self.known
-            .extend(features.clone().filter_map(|f| f.distance));
+        self.known.extend(features.clone().filter_map(|f| f.1));
         let typical = typical(&mut self.known);
         if typical > MAX_TYPICAL_PX {
             return;
         }
         let moving = least_moving(MOVING_PX, typical);
+        let still = STATIC_PX.max(0.5 * MOVING_SIGMAS * typical);
         // The flow of a single corner is weaker evidence than that of a surface: unused while the camera's motion is
         // uncertain.
         if typical <= HALF_CERTAIN_PX {
             self.moving_px = moving;
         }
-        let vote = |f: Tested<'a>| {
-            let d = f.distance?;
-            let moving = least_moving(moving, f.sigma);
-            let cell = cells.at(f.pixel[0], f.pixel[1]);
-            // A window that an occluder's edge crosses follows that edge.
-            let is_clear = if d > moving {
-                !is_beside_nearer(cells, grid, cell, f.z)
-            } else {
-                d < 0.5 * moving
-            };
-            is_clear.then_some(Vote {
-                cell,
+        let vote = |(p, d, sigma): (&[f32; 2], Option<f64>, f64)| {
+            let d = d?;
+            let moving = least_moving(moving, sigma);
+            let still = still.max(0.5 * MOVING_SIGMAS * sigma);
+            (!(still..=moving).contains(&d)).then(|| Vote {
+                cell: cells.at(p[0], p[1]),
                 moving: d > moving,
             })
         };
@@ -240,21 +212,9 @@ mod tests {
     }
 
     fn votes_of(pixels: &[[f32; 2]], distances: &[Option<f64>], sigma: f64) -> Votes {
-        let cells = Cells::new(&camera(), DepthNoise::default());
-        votes_on(&vec![1.0; cells.count()], pixels, distances, sigma)
-    }
-
-    /// Likewise for features at 1 m in front of or beside other surfaces.
-    fn votes_on(grid: &[f32], pixels: &[[f32; 2]], distances: &[Option<f64>], sigma: f64) -> Votes {
         let mut votes = Votes::default();
-        let features = pixels.iter().zip(distances).map(|(pixel, d)| Tested {
-            pixel,
-            z: 1.0,
-            distance: *d,
-            sigma,
-        });
-        let cells = Cells::new(&camera(), DepthNoise::default());
-        votes.count((&cells, grid), features);
+        let features = pixels.iter().zip(distances).map(|(p, d)| (p, *d, sigma));
+        votes.count(&Cells::new(&camera(), DepthNoise::default()), features);
         votes
     }
 
@@ -388,26 +348,6 @@ mod tests {
             assert_eq!(vote.cell, cell);
         }
         assert!(votes[2].moving);
-    }
-
-    #[test]
-    fn flow_beside_an_occluder_is_no_sign_of_motion() {
-        let cells = Cells::new(&camera(), DepthNoise::default());
-        let pixels = [[100.0, 100.0], [300.0, 100.0]];
-        let votes = |depth: f32, distance: f64| {
-            let mut grid = vec![1.0; cells.count()];
-            grid[cells.at(108.0, 100.0)] = depth;
-            votes_on(&grid, &pixels, &[Some(distance), Some(0.1)], 0.1).votes
-        };
-        assert_eq!(moving(&votes(0.5, 9.0)), 0, "background beside an edge");
-        for (depth, name) in [
-            (3.0, "an edge itself"),
-            (0.98, "a surface"),
-            (0.0, "a hole"),
-        ] {
-            assert_eq!(moving(&votes(depth, 9.0)), 1, "{name}");
-        }
-        assert_eq!(votes(0.5, 0.1).len(), 2, "static votes stay");
     }
 
     #[test]

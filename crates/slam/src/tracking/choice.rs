@@ -2,8 +2,8 @@
 
 use stillpoint_geometry::{Mat6, Se3};
 
-/// Share of the weight, of the pairs, or of the free vote's weight that counts as nearly all. A motion on which nearly all
-/// agree is accepted unless a gyroscope contradicts it or a person may fill the view. A vote bound to a sensor that may
+/// Share of the weight, of the pairs, or of the free vote's weight that counts as nearly all. A motion on which nearly
+/// all agree is accepted unless a gyroscope contradicts it or a person may fill the view. A vote bound to a sensor that may
 /// not decide needs nearly the weight of the free one: with half of it badly mounted wheels cost 56 and 177 mm
 /// (decision 41), such a gyroscope 70 and 111 mm (decision 39). Chosen: people filled nine tenths of the view there.
 pub(super) const PLAIN_SHARE: f64 = 0.9;

@@ -17,7 +17,7 @@ use stillpoint_geometry::{Se3, Vec3};
 const GATE_SIGMAS: f64 = 4.0;
 /// Pose error that is allowed for when a motion is compared with a sensor, rad and m: 0.3 degrees, that of a blurred
 /// image with a rolling shutter (twice `trust::POSES_SIGMA`, rounded); from one frame to the next poses jitter by 4 mm
-/// in the median (fr1_xyz, decision 42). After a larger map correction earlier poses are not compared with sensors.
+/// in the median (fr1_xyz, decision 42). After a larger shift by a map correction earlier poses are not compared.
 pub(super) const GATE_POSE: f64 = 0.005;
 /// Stamp error that is allowed for when a motion is compared with a sensor, s: a clock that was estimated was late by
 /// 2.2 ms in `rpy_60` (measured, docs/evidence/sensors.md).
@@ -27,6 +27,9 @@ const GATE_TIME: f64 = 0.002;
 const COMPARED_S: [f64; 3] = [0.0, 0.2, 1.0];
 /// Duration of kept poses, s: the sum of the longest of [`COMPARED_S`] and six frames of 30 Hz.
 const REMEMBERED_S: f64 = 1.2;
+/// Rotation of the last pose by a map correction above which earlier poses are no longer compared with sensors, rad:
+/// chosen, below [`GATE_POSE`], so that a correction is not taken for a contradiction.
+const SAME_WORLD: f64 = 0.003;
 /// Number of matches below which sensors contribute to the pose: decision 39 has the turn with blocked view with and
 /// without it.
 pub(super) const FEW: usize = 80;
@@ -321,7 +324,7 @@ impl Tracker {
         let Some((before, now)) = before.zip(now) else {
             return;
         };
-        let turned = before.rotation.angle_to(&now.rotation) > GATE_POSE;
+        let turned = before.rotation.angle_to(&now.rotation) > SAME_WORLD;
         let moved = (before.translation - now.translation).norm() > GATE_POSE;
         if turned || (moved && self.sensors.odometry.is_some()) {
             self.interrupt_comparisons();

@@ -32,6 +32,9 @@ const PEAK: f64 = 60.0;
 const ROUGH_PEAK: f64 = 6.0;
 /// Error of a constant-velocity prediction after a frame, m and rad (decisions 44 and 54).
 const PRIOR_SIGMA: f64 = 0.02;
+/// Minimum error of a prediction by wheels, including that of votes, rad: chosen, between the error of two poses
+/// (`trust::POSES_SIGMA`) and [`GATE_POSE`], which is that of the translation.
+const WHEELED_SIGMA_RAD: f64 = 0.004;
 /// Maximum number of voting pairs: enough for a pose to a millimetre. Chosen: a pair that errs by a third of a pixel
 /// gives 1.2 mm at 2 m (f = 535 px), and 300 average out their independent errors.
 const MAX_PAIRS: usize = 300;
@@ -196,7 +199,10 @@ impl Tracker {
             .filter(|k| k.confirmed)
             .and_then(|k| Some((k, k.shift?)));
         let (sigma_m, sigma_rad) = match wheels {
-            Some((known, shift)) => (shift.sigma.max(GATE_POSE), known.turn.sigma.max(GATE_POSE)),
+            Some((known, shift)) => (
+                shift.sigma.max(GATE_POSE),
+                known.turn.sigma.max(WHEELED_SIGMA_RAD),
+            ),
             None => (PRIOR_SIGMA, PRIOR_SIGMA),
         };
         MotionPrior {
