@@ -53,7 +53,6 @@ INPUTS = {
     "fr1_rpy_walkers": ("fr1_rpy_walkers", 110, NONE),
     "fr1_xyz_walkers": ("fr1_xyz_walkers", 100, NONE),
     "tartanair_office": ("tartanair_office", 70, NONE),
-    "corridor_fixed": ("corridor_fixed", 60, NONE),
     "kitchen": ("kitchen", 80, NONE),
     "crowd_rpy_60": ("crowd_rpy_60", 0, NONE),
     "loop_in_haste": ("loop_in_haste", 0, NONE),
@@ -62,7 +61,7 @@ INPUTS = {
     "walking_xyz, paper": ("walking_xyz", 90, "--detector scripted:{}/detections.csv --set static_filter.preset=paper"),
     "walking_xyz, detector": ("walking_xyz", 120, "--detector scripted:{}/detections.csv"),
 }
-POSES = ["fr1_rpy_walkers", "crowd_rpy_60", "tartanair_office", "fr1_xyz_walkers", "kitchen", "corridor_fixed"]
+POSES = ["fr1_rpy_walkers", "crowd_rpy_60", "tartanair_office", "fr1_xyz_walkers", "kitchen"]
 # Inputs of POSES that all constants have; the others have those without an effect there.
 FIRST = 2
 # Parts of file names, and the inputs that need them; the first that fits.
@@ -285,7 +284,7 @@ def effects(work):
 def rows(work):
     """What is said of each constant: the largest effect with half and with twice its value."""
     runs, lines = read(work), []
-    base = {(r["input"]): r["poses"] for r in runs if not r["const"] and r["seed"] == 0}
+    base = {r["input"]: r["poses"] for r in runs if not r["const"] and r["seed"] == 0}
     same = collections.defaultdict(list)
     for row in runs:
         if row["const"]:
@@ -299,7 +298,7 @@ def rows(work):
             said += [f"{word}: " + ", ".join([*failed[:1], *([f"{worst[0]} {worst[1]} {worst[2]:.2f}"] if worst else [])])] if changed[factor] else []
         effect = "; ".join(said) or ("nothing" if all(same[constant]) else "within seeds")
         lines.append({"kind": "row", "cells": [*constant.split(":"), effect]})
-    made = {"kind": "made", "command": "tools/constants/vary.py", "commit": commit(), "machine": "any", "seeds": f"0 to {SEEDS - 1}"}
+    made = {"kind": "made", "command": "tools/constants/vary.py", "commit": commit(), "machine": f"{os.cpu_count()} cores", "seeds": f"0 to {SEEDS - 1}"}
     out = ROOT / "lab/results/constants.jsonl"
     out.write_text("".join(json.dumps(line, separators=(",", ":")) + "\n" for line in [made, *lines]))
 

@@ -92,7 +92,8 @@ pub fn in_rows<T: Send>(values: &mut [T], width: usize, work: impl Fn(usize, &mu
     divide((0, parts), (values, width), &work);
 }
 
-/// Minimum number of values per part: some 50 us of work for features (decision 38); less is not worth a thread.
+/// Minimum number of values per part. Measured: the flow of 1000 points takes 0.71 ms (decision 38), so that of 60 some
+/// 50 us, and less is not worth a thread.
 const LEAST: usize = 60;
 /// Maximum parts per piece of work: more than threads, since durations and start times vary.
 const PARTS: usize = 4;

@@ -13,7 +13,8 @@ const MAX_DISTANCE: u32 = 100;
 /// Maximum distance for matches on the descriptor alone, without a predicted position: half of `MAX_DISTANCE`, as in
 /// ORB-SLAM2.
 pub(crate) const STRICT_DISTANCE: u32 = 50;
-/// Maximum ratio of the best to the second-best distance between frames, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Maximum ratio of the best to the second-best distance between frames, and of loops, as in ORB-SLAM2 (Mur-Artal,
+/// Tardos 2017).
 pub(crate) const RATIO: f32 = 0.9;
 /// Maximum distance ratio of a landmark match in a search window, applied only between candidates of one level. As in
 /// ORB-SLAM2 (Mur-Artal, Tardos 2017).

@@ -17,8 +17,8 @@ const ACCELERATION: f64 = 10.0;
 /// Largest angular acceleration of a base between samples, rad/s^2: that of [`ACCELERATION`] at a wheel a third of a
 /// metre from the middle.
 const TURNING: f64 = 30.0;
-/// Largest quantisation error of a difference, m and rad: chosen, as some odometry is rounded to centimetres and half
-/// degrees.
+/// Largest quantisation error of a difference, m and rad. Chosen: some odometry is rounded to centimetres and half
+/// degrees, so that each end errs by half of that, and a difference by twice as much.
 const STEP: f64 = 0.01;
 
 /// Running mean of velocity changes, relative to the limits of a base.

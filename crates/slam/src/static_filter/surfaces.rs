@@ -18,9 +18,9 @@ const AGES: [f64; 5] = [0.2, 0.4, 0.8, 1.6, 3.0];
 /// `AGES`. Without memory errors are 0.81 to 1.14 times as large (decision 54).
 const KEEP: f32 = 0.85;
 
-/// Share of moving features at which flow is no evidence; the log odds are [`LIMIT`] times what exceeds it. Without
-/// this evidence fr1_xyz_walkers has 1.26 times the error (decision 54). Chosen above the quarter of features that votes
-/// wrongly in single frames (decision 23).
+/// Share of moving features at which flow is no evidence; the log odds are [`LIMIT`] times what exceeds it. Chosen
+/// above the quarter of features that votes wrongly in single frames (decision 23). Without this evidence
+/// fr1_xyz_walkers has 1.26 times the error (decision 54).
 const NEUTRAL: f32 = 0.35;
 /// Number of votes, after spreading, with half the weight of many. Chosen: one vote counts by two thirds.
 const HALF_VOTES: f32 = 0.5;
@@ -28,7 +28,7 @@ const HALF_VOTES: f32 = 0.5;
 /// Log odds above which a surface moves: 2.7 to one. Chosen above 0, since most surfaces are static.
 pub(super) const MOVES: f32 = 1.0;
 /// Log odds from which a surface is certain to move or, negated, certain not to: 20 to one, the usual 5 %, chosen.
-/// While the camera's motion is unknown, everything that seems to move is as certain not to: without that
+/// While the camera's motion is unknown, everything that seems to move is as certain not to: without that,
 /// tartanair_office has 11 times the error (decision 54).
 const SURE: f32 = 3.0;
 /// Duration for which an object that stopped is suspected, s. Chosen: twice the oldest of `AGES`, so that all of them

@@ -2,10 +2,11 @@
 
 use stillpoint_geometry::{Mat6, Se3};
 
-/// Share of the weight, of the pairs, or of the free vote's weight that counts as nearly all. A motion on which nearly
-/// all agree is accepted unless a gyroscope contradicts it or a person may fill the view. A vote bound to a sensor that may
-/// not decide needs nearly the weight of the free one: with half of it badly mounted wheels cost 56 and 177 mm
-/// (decision 41), such a gyroscope 70 and 111 mm (decision 39). Chosen: people filled nine tenths of the view there.
+/// Share of the weight, of the pairs, or of the free vote's weight that counts as nearly all. Chosen: people filled
+/// nine tenths of the view in the scenes of decision 39. A motion on which nearly all agree is accepted unless a gyroscope
+/// contradicts it or a person may fill the view. While a sensor may not decide, the vote bound to it needs nearly the
+/// weight of the free one: any rotation fits the flow of a near person with a suitable translation. With half of the
+/// weight badly mounted wheels cost 56 and 177 mm at worst (decision 41), and such a gyroscope 70 and 111 mm.
 pub(super) const PLAIN_SHARE: f64 = 0.9;
 
 /// A camera motion from a flow vote.

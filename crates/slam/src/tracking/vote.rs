@@ -30,7 +30,8 @@ const PEAK: f64 = 60.0;
 /// Sharpness for matches by descriptor, which err by a pixel and more (decision 21): the vote is halved at a third of
 /// the gate's residual, one pixel.
 const ROUGH_PEAK: f64 = 6.0;
-/// Error of a constant-velocity prediction after a frame, m and rad (decisions 44 and 54).
+/// Error of a constant-velocity prediction after a frame, m and rad (decision 54, which measured a
+/// prior of 20 mm).
 const PRIOR_SIGMA: f64 = 0.02;
 /// Minimum error of a prediction by wheels, including that of votes, rad: chosen, between the error of two poses
 /// (`trust::POSES_SIGMA`) and [`GATE_POSE`], which is that of the translation.
