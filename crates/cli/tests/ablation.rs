@@ -78,7 +78,7 @@ fn ablation_runs_seven_configurations_of_a_scene() {
     let report = json(&out);
     assert_eq!(
         labels(&report),
-        ["none", "O", "G", "O+G", "O+G+D", "adapted", "default"]
+        ["none", "O", "G", "O+G", "O+G+D", "default"]
     );
     assert_eq!(report["seeds"], serde_json::json!([5, 6]));
     let row = &report["sequences"][0];
@@ -136,7 +136,7 @@ fn ablation_handles_missing_detectors_and_broken_folders() {
     let text = stdout(&output);
     assert_eq!(lines(&text, "broken")[0][1], "failed", "{text}");
     assert!(
-        text.contains("without a detector O, O+G, O+G+D and \"adapted\" are"),
+        text.contains("without a detector O, O+G and O+G+D are"),
         "{text}"
     );
     let report = json(&out);

@@ -111,7 +111,7 @@ fn drift_of_corridor_fixed() {
 #[test]
 fn drift_of_lab_fixed() {
     hold_alone("lab_fixed", ["default", "off"]);
-    hold_detected("lab_fixed", &["default", "paper", "adapted"]);
+    hold_detected("lab_fixed", &["default", "paper"]);
 }
 
 /// Runs that begin among people: without a detector nothing tells at first which of the many moving regions is the room. With wide gates

@@ -203,9 +203,7 @@ fn suite_runs_with_ablation_and_live() {
         .collect();
     assert_eq!(
         labels,
-        [
-            "none", "O", "G", "O+G", "O+G+D", "adapted", "default", "live"
-        ]
+        ["none", "O", "G", "O+G", "O+G+D", "default", "live"]
     );
     for case in cases {
         let live = case["variant"] == "live";

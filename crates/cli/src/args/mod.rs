@@ -231,9 +231,9 @@ fn positive(text: &str) -> Result<f64, String> {
 /// --camera names one. --ablation and --live add runs of each sequence. --pull downloads missing sequences from their official pages into
 /// the first PATH (default: data).
 ///
-/// With --ablation, each PATH is run with seven configurations of the static filter: none, objects (O), epipolar constraint (G), O+G, O+G
-/// and depth (O+G+D), as published, preset adapted, and the default one. Writes ablation.md and ablation.json, beside the published
-/// ablation where a name matches. Runs differ in their seeds.
+/// With --ablation, each PATH is run with six configurations of the static filter: none, objects (O), epipolar constraint (G), O+G, O+G
+/// and depth (O+G+D), as published, and the default one. Writes ablation.md and ablation.json, beside the published ablation where a name
+/// matches. Runs differ in their seeds.
 ///
 /// sim:SCENE is a simulated scene, with the simulator's own detections unless --detector is given. In --detector, {} stands for the folder:
 /// scripted:{}/detections.csv.

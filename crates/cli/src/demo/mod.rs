@@ -64,7 +64,7 @@ pub(crate) fn demo(args: &DemoArgs, timing: &'static Timing) -> Result<Status, F
     let on = config::resolve(&args.config)?;
     if on.static_filter.preset == Preset::Off {
         return Err(Failure::input(
-            "static_filter.preset: the demo compares the filter with none: expected \"default\", \"paper\" or \"adapted\", found \"off\"",
+            "static_filter.preset: the demo compares the filter with none: expected \"default\" or \"paper\", found \"off\"",
         ));
     }
     let mut off = on.clone();

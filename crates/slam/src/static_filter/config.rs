@@ -13,8 +13,6 @@ pub enum Preset {
     Off,
     /// Objects, epipolar constraint and depth, fused as published.
     Paper,
-    /// As `Paper`, with motion weights of all classes, and without splitting boxes whose depths are unimodal.
-    Adapted,
     /// Log odds per depth-connected region from objects, free space, flow and the past.
     #[default]
     Default,
@@ -88,8 +86,7 @@ impl TryFrom<String> for FilterParts {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StaticFilterConfig {
-    /// Strategy: "off", "paper" (objects, epipolar constraint and depth as published), "adapted" (likewise with motion
-    /// weights of all classes, and without splitting boxes whose depths are unimodal) or "default".
+    /// Strategy: "off", "paper" (objects, epipolar constraint and depth as published) or "default".
     pub preset: Preset,
     /// Parts that are used, for ablations: objects (O), flow between frames (G: the epipolar constraint, and in preset
     /// "default" the rigid test), depth within boxes (D: in preset "paper" splits a box into object and background, in
@@ -99,10 +96,10 @@ pub struct StaticFilterConfig {
     /// Minimum number of static features; with fewer, the least risky dynamic ones are used as well. Range: 0 to 1000.
     pub min_features: usize,
     /// Distance from its epipolar line from which a feature moves, px; inside a box the distance is multiplied by the
-    /// motion weight. In presets "paper" and "adapted". Range: 0.1 to 20. 1 as published.
+    /// motion weight. In preset "paper". Range: 0.1 to 20. 1 as published.
     pub epipolar_px: f64,
-    /// Boxes of classes of at least this motion weight are split by depth. In presets "paper" and "adapted". Range: 0
-    /// to 5. 3 splits those of people and chairs, and not those of desks.
+    /// Boxes of classes of at least this motion weight are split by depth. In preset "paper". Range: 0 to 5. 3 splits
+    /// those of people and chairs, and not those of desks.
     pub split_weight: f64,
 }
 

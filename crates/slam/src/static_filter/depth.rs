@@ -9,11 +9,6 @@ const CONFIDENCE: f64 = 0.99;
 /// Minimum and maximum number of draws. Chosen: with ten, a lucky first draw does not end the search; 200 suffice where
 /// 15 % support the best pair.
 const ITERATIONS: (usize, usize) = (10, 200);
-/// Depths are bimodal if the means of both sides of the best split are at least this many standard deviations apart
-/// (the D of Ashman, Bird, Zepf, "Detecting bimodality in astronomical datasets", 1994). A normal distribution cut in
-/// the middle gives 2.6, a uniform one 3.5; chosen above both.
-const MODES_APART: f64 = 4.0;
-
 /// The depth (m) beyond which features in a box are background; `None` if there are too few depths, or all are equal.
 ///
 /// Algorithm 1 of the published method: draw two features; each other one whose depth exceeds the mean of the three
@@ -46,37 +41,6 @@ pub(super) fn threshold(depths: &[f64], mut rng: Rng) -> Option<f64> {
     (best.0 > 0).then_some(best.1)
 }
 
-/// Whether depths (m) are bimodal (Ashman's D at Otsu's split). Preset `adapted` does not split unimodal boxes, which
-/// contain no background; not part of the published method.
-pub(super) fn has_two_modes(depths: &[f64]) -> bool {
-    let mut sorted = depths.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let n = sorted.len();
-    // Minimum size of a group: one in ten.
-    let least = (n / 10).max(2);
-    let total: f64 = sorted.iter().sum();
-    let squares: f64 = sorted.iter().map(|z| z * z).sum();
-    let (mut sum, mut square) = (0.0, 0.0);
-    let mut best = (f64::NEG_INFINITY, 0.0);
-    for (i, z) in sorted.iter().enumerate() {
-        sum += z;
-        square += z * z;
-        let (a, b) = ((i + 1) as f64, (n - i - 1) as f64);
-        if i + 1 < least || n - i - 1 < least {
-            continue;
-        }
-        let (near, far) = (sum / a, (total - sum) / b);
-        let between = a * b * (far - near) * (far - near);
-        if between > best.0 {
-            let within =
-                (square / a - near * near).max(0.0) + ((squares - square) / b - far * far).max(0.0);
-            let apart = (far - near) / (0.5 * within).sqrt().max(1e-3);
-            best = (between, apart);
-        }
-    }
-    best.1 > MODES_APART
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -98,16 +62,12 @@ mod tests {
     }
 
     #[test]
-    fn single_mode_is_split_and_recognised_as_one() {
+    fn single_mode_is_split() {
         let slope: Vec<f64> = (0..60).map(|i| 2.0 + 0.01 * f64::from(i)).collect();
         for seed in 0..50 {
             let t = threshold(&slope, stream(seed)).unwrap();
             assert!(t > 2.2 && t < 2.59, "{t}");
         }
-        assert!(!has_two_modes(&slope));
-        assert!(!has_two_modes(&[1.0, 2.0, 3.0]));
-        let two = [1.0, 1.01, 1.02, 1.03, 3.0, 3.01, 3.02, 3.03];
-        assert!(has_two_modes(&two));
     }
 
     #[test]

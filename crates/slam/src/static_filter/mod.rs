@@ -216,7 +216,7 @@ impl StaticFilter {
         let movers = self.movers(&objects, stamp);
         let mut verdicts = std::mem::take(&mut memory.verdicts);
         match self.rules.config.preset {
-            Preset::Paper | Preset::Adapted => {
+            Preset::Paper => {
                 verdicts = paper::judge(
                     &self.rules.config,
                     input,

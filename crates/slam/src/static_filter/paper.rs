@@ -1,11 +1,10 @@
 //! Preset `paper`: objects, epipolar constraint and depth fused as published in "A real-time visual SLAM based on
 //! semantic information and geometric information in dynamic environment" (Journal of Real-Time Image Processing, 2024,
-//! doi:10.1007/s11554-024-01527-4), Algorithm 2. Gaps are filled in algorithm.md, section 15. Preset `adapted` differs
-//! only in which boxes there are and which are split.
+//! doi:10.1007/s11554-024-01527-4), Algorithm 2. Gaps are filled in algorithm.md, section 15.
 
 use super::semantic::{MOVER, Mover};
 use super::verdict::{FeatureVerdict, Reasons};
-use super::{FrameInput, Preset, StaticFilterConfig, depth, epipolar};
+use super::{FrameInput, StaticFilterConfig, depth, epipolar};
 use stillpoint_estimation::{Purpose, address, rng};
 use stillpoint_geometry::Camera;
 
@@ -67,9 +66,6 @@ fn split(
         .zip(input.depths)
         .filter_map(inside)
         .collect();
-    if config.preset == Preset::Adapted && !depth::has_two_modes(&depths) {
-        return None;
-    }
     let stream = address(input.frame.id.0, mover.id.0);
     depth::threshold(&depths, rng(seed, stream, Purpose::DEPTH))
 }

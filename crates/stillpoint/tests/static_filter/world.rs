@@ -286,7 +286,6 @@ fn name_of(preset: Preset) -> &'static str {
     match preset {
         Preset::Off => "off",
         Preset::Paper => "paper",
-        Preset::Adapted => "adapted",
         Preset::Default => "default",
     }
 }

@@ -12,8 +12,7 @@ pub(crate) fn markdown(report: &Report) -> String {
         report.command, m.cpu, m.cores, m.system, m.rustc, m.stillpoint
     );
     text += "O: objects. G: epipolar constraint. D: depth within boxes. The first five configurations are the published method \
-             with that much of it (preset `off`, else `paper`), on this project's tracking and mapping, which are not ORB-SLAM2's; \"adapted\" is all of it with the weights of all classes, and without a split of boxes \
-             of one depth; the last is this project's own filter (preset `default`). ATE is \
+             with that much of it (preset `off`, else `paper`), on this project's tracking and mapping, which are not ORB-SLAM2's; the last is this project's own filter (preset `default`). ATE is \
              that of the final poses after alignment by a rigid motion; SD is its standard deviation over the frames. Frames go \
              through tracking and mapping one after the other, with nothing dropped.\n\n";
     text += &runs(&report.seeds);
@@ -147,9 +146,7 @@ fn notes(row: &Row) -> String {
     };
     add(&format!("detector: {}", row.detector));
     if row.error.is_none() && row.blind {
-        add(
-            "without a detector O, O+G, O+G+D and \"adapted\" are the same as none and G, and were left out",
-        );
+        add("without a detector O, O+G and O+G+D are the same as none and G, and were left out");
     }
     if row.published.is_some() && row.name.starts_with("sim:") {
         add(

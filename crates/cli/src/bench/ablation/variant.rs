@@ -8,20 +8,17 @@ pub(crate) enum Variant {
     Og,
     /// Objects, epipolar constraint and depth: the complete published method.
     Ogd,
-    /// The published method with this project's changes.
-    Adapted,
     Default,
 }
 
 impl Variant {
     /// In the order of the report.
-    pub(crate) const ALL: [Self; 7] = [
+    pub(crate) const ALL: [Self; 6] = [
         Self::None,
         Self::O,
         Self::G,
         Self::Og,
         Self::Ogd,
-        Self::Adapted,
         Self::Default,
     ];
 
@@ -32,14 +29,13 @@ impl Variant {
             Self::G => "G",
             Self::Og => "O+G",
             Self::Ogd => "O+G+D",
-            Self::Adapted => "adapted",
             Self::Default => "default",
         }
     }
 
     /// Without a detector such a variant equals one with fewer parts.
     pub(crate) fn needs_detector(self) -> bool {
-        matches!(self, Self::O | Self::Og | Self::Ogd | Self::Adapted)
+        matches!(self, Self::O | Self::Og | Self::Ogd)
     }
 
     /// Settings of this variant; they override the user's.
@@ -53,7 +49,6 @@ impl Variant {
         match self {
             Self::None => vec!["static_filter.preset=off".to_owned()],
             Self::O | Self::G | Self::Og | Self::Ogd => paper(),
-            Self::Adapted => vec!["static_filter.preset=adapted".to_owned()],
             Self::Default => vec!["static_filter.preset=default".to_owned()],
         }
     }
@@ -97,7 +92,7 @@ mod tests {
             let preset = format!("{:?}", f.preset).to_lowercase();
             match variant {
                 Variant::None => assert_eq!(preset, "off"),
-                Variant::Adapted | Variant::Default => assert_eq!(preset, variant.label()),
+                Variant::Default => assert_eq!(preset, variant.label()),
                 _ => assert_eq!(
                     (preset.as_str(), parts.as_str()),
                     ("paper", variant.label())

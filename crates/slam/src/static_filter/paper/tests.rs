@@ -1,7 +1,7 @@
 //! The cases of Algorithm 2: outside all boxes, in a split box, in an unsplit one, and with missing data.
 
 use super::*;
-use crate::static_filter::{FilterParts, FlowPair};
+use crate::static_filter::{FilterParts, FlowPair, Preset};
 use stillpoint_detection::{BoundingBox, ObjectId};
 use stillpoint_geometry::{Se3, Vec2, Vec3};
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
@@ -228,33 +228,19 @@ fn judged(config: &StaticFilterConfig, depths: [f32; 2], weight: f64) -> Vec<boo
 
 #[test]
 fn box_with_two_depths_is_split() {
-    for preset in [Preset::Paper, Preset::Adapted] {
-        let config = StaticFilterConfig {
-            preset,
-            ..config("O+G+D")
-        };
-        let found = judged(&config, [NEAR, FAR], PERSON);
-        let near = (0..40).step_by(2).filter(|i| !found[*i]).count();
-        // The threshold is the mean depth of its supporters, so part of the background lies beyond it, and none of the
-        // person.
-        let far = (1..40).step_by(2).filter(|i| !found[*i]).count();
-        assert_eq!(near, 0, "{preset:?}");
-        assert!(far >= 10, "{preset:?}: {far}");
-        assert!(judged(&config, [NEAR, FAR], DESK).iter().all(|d| !d));
-    }
+    let config = config("O+G+D");
+    let found = judged(&config, [NEAR, FAR], PERSON);
+    let near = (0..40).step_by(2).filter(|i| !found[*i]).count();
+    // The threshold is the mean depth of its supporters, so part of the background lies beyond it, and none of the person.
+    let far = (1..40).step_by(2).filter(|i| !found[*i]).count();
+    assert_eq!(near, 0);
+    assert!(far >= 10, "{far}");
+    assert!(judged(&config, [NEAR, FAR], DESK).iter().all(|d| !d));
 }
 
 #[test]
-fn paper_preset_splits_a_box_of_one_depth() {
-    let kept = |preset| {
-        let config = StaticFilterConfig {
-            preset,
-            ..config("O+G+D")
-        };
-        let found = judged(&config, [NEAR, NEAR], PERSON);
-        found.iter().filter(|dynamic| !**dynamic).count()
-    };
-    assert!(kept(Preset::Paper) >= 10, "{}", kept(Preset::Paper));
-    // Preset `adapted` treats the box as the object.
-    assert_eq!(kept(Preset::Adapted), 0);
+fn box_of_one_depth_is_split() {
+    let found = judged(&config("O+G+D"), [NEAR, NEAR], PERSON);
+    let kept = found.iter().filter(|dynamic| !**dynamic).count();
+    assert!(kept >= 10, "{kept}");
 }
