@@ -4,7 +4,7 @@ use crate::colour::Colour;
 use crate::draw::draw;
 use crate::overlay::{Keypoint, Mark, Overlay, OverlayBox};
 use crate::picture::Picture;
-use crate::speed::certain_speed;
+use crate::speed::{certain_speed, is_moving_thing};
 use stillpoint_detection::{Motion, MotionWeights, Object, ObjectState};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_slam::{FrameReport, FrameState, MOVER, Outcome, Reasons};
@@ -33,12 +33,9 @@ pub struct Style {
 }
 
 impl Style {
-    /// Whether an object may move by itself, or is moving. For inanimate objects the rigid test alone is not enough: features of a person
-    /// passing by are in their box too.
+    /// Whether an object may move by itself, or is moving.
     fn mover(&self, object: &Object) -> bool {
-        let moved =
-            || object.motion == Motion::Moving && certain_speed(object, FOR_THINGS).is_some();
-        self.weights.get(object.class) >= MOVER || moved()
+        self.weights.get(object.class) >= MOVER || is_moving_thing(object)
     }
 
     /// Whether it is drawn. Unconfirmed objects may be false alarms, and hidden ones are not in the image.
@@ -55,9 +52,6 @@ impl Style {
         }
     }
 }
-
-/// Standard deviations that an inanimate object's speed must exceed to count as moving.
-const FOR_THINGS: f64 = 2.8;
 
 /// A frame with the system's results. Boxes of likelier movers are drawn on top.
 #[must_use]
@@ -179,27 +173,7 @@ fn caption(report: &FrameReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_detection::{BoundingBox, ClassId, ObjectId};
-    use stillpoint_geometry::{Mat6, Vec3};
-
-    fn object(class: &str, motion: Motion, speed: f64) -> Object {
-        Object {
-            id: ObjectId(4),
-            class: ClassId::from_name(class).unwrap(),
-            score: 0.9,
-            state: ObjectState::Confirmed,
-            bounds: BoundingBox::default(),
-            bounds_sigma: [0.0; 2],
-            depth_range: None,
-            position: Some(Vec3::zeros()),
-            velocity: Some(Vec3::new(speed, 0.0, 0.0)),
-            // Standard deviations of 0.5 m/s.
-            covariance: Some(Mat6::identity() * 0.25),
-            size: None,
-            last_seen: 0.0,
-            motion,
-        }
-    }
+    use crate::speed::tests::object;
 
     #[test]
     fn movers_are_labelled_and_certain_speeds_are_shown() {

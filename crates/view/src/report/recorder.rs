@@ -10,7 +10,7 @@ use stillpoint_geometry::Vec3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_slam::{Event, FrameReport, Health, Outcome, Reasons, Subscriber};
 
-use crate::certain_speed;
+use crate::speed::{certain_speed, shown_motion};
 use crate::tinted::tinted;
 
 /// Maximum number of images: a page of 10 MB for a run of an hour. In longer runs every second one is dropped, repeatedly.
@@ -193,7 +193,7 @@ pub(crate) fn objects_of(report: &FrameReport) -> impl Iterator<Item = SeenObjec
         SeenObject {
             id: object.id.0,
             class: object.class.name(),
-            motion: object.motion,
+            motion: shown_motion(object),
             bounds: [b.x0, b.y0, b.x1, b.y1],
             in_camera: in_camera.map(|o| o.position),
             size: object.size.unwrap_or([f64::NAN; 2]),
