@@ -25,7 +25,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 VERSIONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]
 LARGEST = 15e6
-# Its C library is older than that of any system with one of these Pythons.
+# All systems with these Pythons have this C library or a later one.
 LINUX = "manylinux_2_17"
 TESTS = ["pytest", "hypothesis", "pillow"]
 CLUSTERS = ["ray[data]", "s3fs", "moto[s3,server]", "dask", "distributed", "submitit"]
@@ -92,7 +92,7 @@ class Tools:
             needs = ["maturin>=1.9,<2", *(["ziglang"] if sys.platform == "linux" else [])]
             subprocess.run([tools, "-m", "pip", "install", "-q", *needs], check=True)
             self.env["PATH"] = f"{tools.parent}{os.pathsep}{self.env['PATH']}"
-        # As maturin looks for it.
+        # Like maturin's lookup.
         self.has_zig = sys.platform == "linux" and (
             shutil.which("zig", path=self.env["PATH"]) is not None
             or subprocess.run(["python3", "-m", "ziglang", "version"], env=self.env, capture_output=True).returncode == 0

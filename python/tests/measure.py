@@ -54,7 +54,7 @@ def unit() -> float:
 
 
 def overhead(camera: sp.Camera, images: list[tuple[np.ndarray, np.ndarray]]) -> None:
-    """A repeated frame is refused after it was checked, copied and decoded: the overhead of Python relative to a step of the system."""
+    """Measures the overhead of Python by repeated frames: they are checked, copied and decoded, but then refused."""
     slam = sp.Slam(camera)
     slam.track(1.0, *images[0])
     times = []

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import stillpoint_slam as sp
 
-# Mount of the simulator's camera on its base: looking ahead, 0.2 m before the axle and 0.5 m above it.
+# Mount of the simulator's camera: looking ahead, 0.2 m in front of the axle and 0.5 m above it.
 MOUNT = np.array([[0.0, 0, 1, 0.2], [-1, 0, 0, 0], [0, -1, 0, 0.5], [0, 0, 0, 1]])
 
 

@@ -34,7 +34,7 @@ NUMBER = re.compile(rf"^([ \t]*)({VISIBILITY})const\s+([A-Z][A-Z0-9_]*)\s*:\s*(f
 ANY = re.compile(rf"^[ \t]*{VISIBILITY}(?:const|static)\s+([A-Z][A-Z0-9_]*)\s*:", re.M)
 USE = re.compile(r"((?:\b[A-Za-z_][A-Za-z0-9_]*::)*)\b([A-Z][A-Z0-9_]*)\b(?!\s*(?:\(|::|!|<))")
 TESTS = re.compile(r"(?m)^\s*#\[cfg\((?:all\()?test(?:.*\n){1,2}?\s*mod \w+ \{")
-# Comments, texts and imports stay as they are.
+# Comments, strings and imports stay unchanged.
 KEPT = re.compile(rf'//[^\n]*|"(?:\\.|[^"\\])*"|(?m:^[ \t]*{VISIBILITY}use\s[^;]*;)')
 VARIED = """
 /// `value`, times the factor of `STILLPOINT_VARY` (`FILE:NAME=FACTOR`) if that names it.
@@ -62,9 +62,9 @@ INPUTS = {
     "walking_xyz, detector": ("walking_xyz", 120, "--detector scripted:{}/detections.csv"),
 }
 POSES = ["fr1_rpy_walkers", "crowd_rpy_60", "tartanair_office", "fr1_xyz_walkers", "kitchen"]
-# Inputs of POSES that all constants have; the others have those without an effect there.
+# Number of inputs for every constant; only those without effect run with the rest.
 FIRST = 2
-# Parts of file names, and the inputs that need them; the first that fits.
+# Parts of file names, and the inputs to run; the first match counts.
 WHERE = [
     (("detection/src/objects",), ["walking_xyz, detector"]),
     (("/looping/", "evidence.rs", "pose_graph", "sparse"), ["loop_in_haste"]),
@@ -167,7 +167,7 @@ def build(work):
 
 
 def source(work, name):
-    """The folder of a recording, or of a scene, which is rendered."""
+    """Folder of a recording or a scene; renders missing scenes."""
     if name not in SCENES:
         return DATA / name
     folder, (frames, sensors) = work / "scenes" / name, SCENES[name]
@@ -224,7 +224,7 @@ def read(work):
 def run(work):
     constants = json.loads((work / "constants.json").read_text())
     tasks = [("", 1, name, seed) for name in INPUTS for seed in range(SEEDS)]
-    # Most constants first: those that all recordings need.
+    # Constants with the most inputs first.
     constants.sort(key=lambda c: len(inputs_of(c)), reverse=True)
     tasks += [(c, factor, name, 0) for c in constants for factor in (0.5, 2) for name in inputs_of(c)[:FIRST]]
     for name, _, _ in INPUTS.values():
@@ -275,14 +275,14 @@ def effects(work):
         for name, value in figures(row).items():
             seeds = [figures(r)[name] for r in known]
             low, high, middle = min(seeds), max(seeds), statistics.median(seeds)
-            # Half the seeds' range again on either side.
+            # A margin of half the seeds' range.
             if not low - 0.5 * (high - low) <= value <= high + 0.5 * (high - low):
                 changed.append((row["input"], name, value / middle))
     return found
 
 
 def rows(work):
-    """What is said of each constant: the largest effect with half and with twice its value."""
+    """Writes the largest effect of each constant, with half and with twice its value."""
     runs, lines = read(work), []
     base = {r["input"]: r["poses"] for r in runs if not r["const"] and r["seed"] == 0}
     same = collections.defaultdict(list)

@@ -7,7 +7,7 @@ usage: mutate.py PID PACKETS SECONDS [KIND]; needs root to listen. Prints memory
   heartbeat     claims that all messages up to 2^62 exist
   gap           claims that no messages up to 2^62 exist
   empty_frag    empty fragments
-  nackfrag      requests for the four thousand millionth fragment
+  nackfrag      requests for fragment 2^32 - 64
   wide_set      requests for fragments with a set beyond its capacity
   participants  nonexistent participants
 """

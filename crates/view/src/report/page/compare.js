@@ -1,7 +1,7 @@
 "use strict";
-// Several runs beside each other.
+// Comparison of several runs.
 
-/// What is compared: name, digits, unit, value, and whether less (-1) or more (1) is better; 0 where neither is.
+/// Compared figures: name, digits, unit, value, and whether less (-1), more (1) or neither (0) is better.
 const COMPARED = [
   ["Frames with a pose", 1, "%", (s) => 100 * s.tracked / s.frames, 1],
   ["Longest loss", 2, "s", (s) => Math.max(0, ...(s.lost || []).map((l) => l.seconds)), -1],
@@ -24,7 +24,7 @@ const COMPARED = [
 
 const dig = (s, path) => path.split(".").reduce((o, name) => (o === undefined || o === null ? undefined : o[name]), s);
 
-/// One table: a figure per row, its unit, the first run, and each other one with its difference to the first.
+/// Shows a figure per row: unit, value of the first run, and of each other run with the difference.
 function showComparison(runs) {
   byId("compare-section").hidden = runs.length < 2;
   if (runs.length < 2) return;

@@ -1,5 +1,5 @@
 "use strict";
-// The data of the page: columns of numbers, as typed arrays.
+// Decodes the page's data: typed arrays of columns.
 
 function bytesOf(text) {
   const raw = atob(text);
@@ -18,7 +18,7 @@ const column = {
 const STATES = ["lost", "initialised", "tracked", "relocalised", "undecided", "carried"];
 const LOST = 0, UNDECIDED = 4;
 
-/// One run. Frames go by their index, 0 to count - 1; `at` gives it from a frame's number.
+/// One run. Frames have indices from 0 to count - 1; `at` converts a frame's id to one.
 class Run {
   constructor(data) {
     this.data = data;
@@ -57,7 +57,7 @@ class Run {
     this.triangles = column.u16(s.triangle || "");
   }
 
-  /// Corners of the surface, m.
+  /// Surface vertices, m.
   corners(s) {
     const shares = column.u16(s.position || ""), box = column.f32(s.bounds || ""), out = new Float32Array(shares.length);
     for (let i = 0; i < out.length; i++) out[i] = box[i % 3] + shares[i] / 65535 * box[3 + i % 3];
@@ -79,7 +79,7 @@ class Run {
     }
   }
 
-  /// The index of a frame's number, or of the last frame before it.
+  /// Index of the frame with an id, or of the last one before it.
   at(id) {
     const known = this.indices.get(id);
     if (known !== undefined) return known;
@@ -94,7 +94,7 @@ class Run {
   hasPose(i) { return Number.isFinite(this.pose[7 * i]); }
   hasTruth() { return this.error_mm.some(Number.isFinite) || this.truth.some(Number.isFinite); }
 
-  /// The index into the pictures of the one that is nearest to a frame; -1 when there is none.
+  /// Index of the picture nearest to a frame; -1 if there is none.
   picture(i) {
     const list = this.pictureAt;
     if (!list.length) return -1;
@@ -108,7 +108,7 @@ class Run {
 
   features(picture) { return column.u8(this.data.pictures.features[picture]); }
 
-  /// The image of a picture, and a call when it is there.
+  /// Returns an image, and calls `loaded` if it is late.
   image(picture, loaded) {
     let image = this.images.get(picture);
     if (!image) {
@@ -124,7 +124,7 @@ class Run {
   }
 }
 
-/// Rotation of a quaternion (x, y, z, w) applied to a vector.
+/// Rotates a vector by a quaternion (x, y, z, w).
 function rotated(q, v) {
   const [x, y, z, w] = q, [a, b, c] = v;
   const tx = 2 * (y * c - z * b), ty = 2 * (z * a - x * c), tz = 2 * (x * b - y * a);

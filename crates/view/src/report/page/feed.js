@@ -1,7 +1,7 @@
 "use strict";
-// The page of a run that goes on: asks for what is new, and shows it at a pace that leaves the machine to the run.
+// The page of a live run: receives updates, and limits its redraw rate to leave the CPU to the run.
 
-/// Times between two paintings of what changes all the time, of the numbers, and of the map, ms. Painting by software takes a core from the run.
+/// Minimum time between redraws, ms. Software rendering takes a core from the run.
 const PACE = { frame: 60, numbers: 400, timeline: 500, map: 700 };
 
 const feed = { updates: 0, state: "waiting", dirty: new Set(), painted: {}, rates: [], waiting: false };
@@ -27,13 +27,13 @@ function startLive() {
   document.addEventListener("visibilitychange", wake);
 }
 
-/// Shows or hides what only the report of a run has.
+/// Shows or hides sections that only reports have.
 function inReport(shown) {
   for (const id of ["worst-section", "tables-section", "stages-section", "layer-truth"]) byId(id).hidden = !shown;
   document.body.classList.toggle("live", !shown);
 }
 
-/// Takes what is new; it is shown when it is its turn.
+/// Applies an update and schedules the redraws.
 function take(update) {
   feed.updates++;
   const before = page.run, at = before && before.count ? before.id[page.frame] : null;
@@ -50,7 +50,7 @@ function take(update) {
   wake();
 }
 
-/// A run of which nothing is known yet, also after the connection was lost.
+/// Shows a new, empty run, at the start or after a reconnection.
 function begin(run) {
   const view = page.view, first = !page.run;
   page.runs = [run];
@@ -80,7 +80,7 @@ function wake() {
   }), 15);
 }
 
-/// Paints what changed and was not painted for a while; comes back for the rest.
+/// Redraws the changed parts that are due, and schedules the others.
 function paintDue() {
   const run = page.run, now = performance.now();
   const turn = (name) => {
@@ -109,7 +109,7 @@ function paintDue() {
   if (feed.dirty.size) wake();
 }
 
-/// The numbers, and how things stand in words.
+/// Shows figures, warnings and the status.
 function showNow(run) {
   const now = run.now, m = now.measured, [first, last] = [feed.rates[0], feed.rates[feed.rates.length - 1]];
   const rate = last[0] > first[0] ? 1e3 * (last[1] - first[1]) / (last[0] - first[0]) : NaN;
@@ -123,7 +123,7 @@ function showNow(run) {
   else tell("live", `Live: ${now.state}.`);
 }
 
-/// The run is over. Its report takes the place of what was gathered here, where there is one.
+/// Ends the live page. The report, if there is one, replaces the collected data.
 function finish(source, report, text) {
   source.close();
   if (!page.run) return tell("over", "The run has ended.");

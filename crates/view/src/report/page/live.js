@@ -1,11 +1,11 @@
 "use strict";
-// A run that goes on: what is told of it piece by piece, held as the data of a run that is over.
+// A live run: collects updates in the data structures of a finished run.
 
-/// Pictures that are kept, at most; of more, every second one is, again and again.
+/// Maximum number of stored pictures; when exceeded, every second one is deleted.
 const MOST_PICTURES = 900;
 const MOST_LATENCIES = 300;
 
-/// Numbers of one kind that become more, so many for each thing.
+/// A growing typed array with `width` numbers per item.
 class Growing {
   constructor(Type, width = 1) {
     [this.Type, this.width, this.count] = [Type, width, 0];
@@ -27,13 +27,13 @@ class Growing {
     for (let k = 0; k < this.width; k++) this.all[i * this.width + k] = numbers[from * this.width + k];
   }
 
-  /// Puts the last one in the place of the i-th.
+  /// Replaces item i with the last one.
   drop(i) {
     this.count--;
     this.set(i, this.all, this.count);
   }
 
-  /// Keeps those that `keep` says, in order.
+  /// Filters items by `keep`, in order.
   keep(keep) {
     let kept = 0;
     for (let i = 0; i < this.count; i++) if (keep(i)) this.set(kept++, this.all, i);
@@ -67,7 +67,7 @@ class LiveRun extends Run {
     this.latencies = [];
   }
 
-  /// Takes what is new. Says which parts are.
+  /// Applies an update; returns what changed.
   take(update) {
     this.now = update.now;
     const latency = update.now.measured.latency_ms;
@@ -114,7 +114,7 @@ class LiveRun extends Run {
     return moved || columns.id.length > 0;
   }
 
-  /// Where everything is that hangs on frames, once their indices are other ones.
+  /// Updates stored frame indices after frames were removed or replaced.
   settle() {
     for (const m of this.marks) m.at = this.at(m.frame);
     this.pictureAt = this.pictureFrame.map((id) => this.at(id));
@@ -170,7 +170,7 @@ class LiveRun extends Run {
   }
 
   takePicture(news) {
-    // After a pause the same one comes again.
+    // After a pause the last one is resent.
     if (this.pictureFrame.length && this.pictureFrame[this.pictureFrame.length - 1] >= news.frame) return;
     const { pictures } = this.data;
     [this.data.image, pictures.size] = [news.image, news.size];
@@ -182,7 +182,7 @@ class LiveRun extends Run {
     if (this.pictureFrame.length > MOST_PICTURES) this.thin();
   }
 
-  /// Forgets every second picture, and what was seen in it.
+  /// Deletes every second picture and its objects.
   thin() {
     const { pictures } = this.data, keep = (_, i) => i % 2 === 1;
     this.pictureFrame.forEach((id, i) => { if (!keep(id, i)) this.objectsOf.delete(id); });
@@ -197,7 +197,7 @@ class LiveRun extends Run {
   }
 }
 
-/// What stands in the head of the page while a run goes on: six figures, as in its report.
+/// The six figures at the top of a live run's page, similar to those of its report.
 function liveFigures(run, rate) {
   const now = run.now, list = [], m = now.measured, lost = now.frames - now.posed;
   list.push(["Frames with a pose", `${now.posed} of ${now.frames}`, run.about.frames ? `${run.about.frames} in all` : lost ? `${lost} without` : "none lost", now.lost]);

@@ -1,12 +1,12 @@
 "use strict";
-// The page: which run, which frame, and who is told of it.
+// The page: the selected run and frame, controls and keys.
 
 const page = {
   runs: [], run: null, frame: 0, mover: null, playing: false, following: false, errors: [],
 };
 window.addEventListener("error", (e) => page.errors.push(e.message));
 
-/// What shows a frame: the timeline, the picture and the map.
+/// Creates the views (timeline, picture, map) and controls.
 function prepare() {
   page.timeline = new Timeline(byId("timeline"), seek);
   page.picture = new FramePicture(byId("picture"));
@@ -24,19 +24,19 @@ function prepare() {
   keys();
 }
 
-/// Shows a frame that the user asked for.
+/// Shows a frame that the user selected.
 function seek(i) {
   follow(page.run && page.run.isLive && i >= page.run.count - 1);
   go(i);
 }
 
-/// Whether the newest frame is shown, whichever that is.
+/// Sets whether the page follows the newest frame.
 function follow(on) {
   page.following = on;
   byId("live").setAttribute("aria-pressed", String(!!on));
 }
 
-/// What the address says is to be shown.
+/// Applies the options in a URL's hash.
 function openAt(address) {
   const wanted = new URLSearchParams(address.slice(1));
   if (wanted.has("colour")) { byId("colouring").value = wanted.get("colour"); byId("colouring").dispatchEvent(new Event("change")); }
@@ -69,7 +69,7 @@ function select(run) {
   go(Math.min(page.frame, Math.max(0, run.count - 1)));
 }
 
-/// How things stand, in a sentence.
+/// Sets the status line.
 function say(state, text) {
   const status = byId("status");
   write(status, text);
@@ -93,7 +93,7 @@ function go(i) {
   showObjects(run, page.frame);
 }
 
-/// The objects in a frame: those that are drawn first.
+/// Lists a frame's objects, those with boxes first.
 function showObjects(run, i) {
   const picture = run.picture(i), all = picture >= 0 ? run.objectsOf.get(run.pictureFrame[picture]) || [] : [];
   const here = [...all.filter((o) => isDrawn(o, page.mover)), ...all.filter((o) => !isDrawn(o, page.mover))];
@@ -120,7 +120,7 @@ function play(on) {
   const began = performance.now() - 1e3 * run.seconds[page.frame];
   let shown = page.frame;
   const step = (now) => {
-    // A person who chooses a frame meanwhile wants to look at it.
+    // Playback stops when the user selects another frame or run.
     if (!page.playing || page.run !== run || page.frame !== shown) return play(false);
     let i = page.frame;
     while (i < run.count - 1 && run.seconds[i + 1] <= (now - began) / 1e3) i++;
@@ -161,7 +161,7 @@ function controls() {
   window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(repaint, 60); });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
   document.fonts.ready.then(repaint);
-  // Paper is light, and shows what can be unfolded.
+  // Prints use light colours and expanded details.
   const printed = document.querySelectorAll("details.printed");
   window.addEventListener("beforeprint", () => {
     document.documentElement.dataset.paper = "light";
@@ -176,7 +176,7 @@ function controls() {
   });
 }
 
-/// Keys that work wherever the keyboard is, as long as that has no use of its own for them.
+/// Keys that work everywhere on the page, unless the focused element uses them.
 function keys() {
   const to = (i) => { play(false); seek(i); };
   document.addEventListener("keydown", (e) => {
@@ -185,7 +185,7 @@ function keys() {
     const far = e.shiftKey ? 10 : 1, notable = page.notable || [];
     if (e.key === " ") {
       if (at.closest("button, summary, input")) return;
-      // While a run goes on, it holds the picture and lets it go on.
+      // In a live run, space stops and resumes following.
       if (!run.isLive) play(!page.playing); else if (page.following) follow(false); else seek(run.count - 1);
     } else if (e.key === "ArrowLeft") to(page.frame - far);
     else if (e.key === "ArrowRight") to(page.frame + far);
@@ -195,7 +195,7 @@ function keys() {
     else return;
     e.preventDefault();
   });
-  // A click leaves the keyboard to the page: arrows and space go on to work.
+  // A click must not move the focus, so that arrows and space keep working.
   document.addEventListener("mousedown", (e) => {
     if (!e.target.closest("button, label, summary, canvas")) return;
     e.preventDefault();
@@ -204,7 +204,7 @@ function keys() {
   byId("colouring").addEventListener("change", (e) => e.target.blur());
 }
 
-/// What the page shows, for code that tests or scripts it.
+/// The page's state and actions, for tests and scripts.
 window.stillpoint = {
   get counts() {
     const run = page.run, posed = run.id.reduce((n, _, i) => n + (run.hasPose(i) ? 1 : 0), 0);

@@ -1,5 +1,5 @@
 "use strict";
-// Numbers in words, tables and lists.
+// Figures as text, tables and lists.
 
 const element = (name, properties = {}, ...children) => {
   const node = document.createElement(name);
@@ -20,7 +20,7 @@ const middle = (values) => {
   return sorted.length ? sorted[sorted.length >> 1] : NaN;
 };
 
-/// The length of the camera's way, m.
+/// Length of the trajectory, m.
 function wayOf(run) {
   let sum = 0, last = -1;
   for (let i = 0; i < run.count; i++) {
@@ -31,7 +31,7 @@ function wayOf(run) {
   return sum;
 }
 
-/// What stands in the head of the page, six of them: name, value, remark, and whether it is bad.
+/// The six figures at the top of the page: name, value, remark, and whether it is bad.
 function figures(run) {
   const s = run.summary, frames = s.frames ?? run.count, lost = frames - (s.tracked ?? 0), list = [];
   list.push(["Frames with a pose", `${s.tracked ?? "-"} of ${frames}`, lost ? `${lost} without` : "none lost", lost > 0]);
@@ -50,7 +50,7 @@ function figures(run) {
   return list;
 }
 
-/// Figures that have no room in the head.
+/// Figures that only the tables show.
 function moreFigures(run) {
   const s = run.summary, list = [];
   if (s.seconds > 0) list.push(["Speed with reading", `${fixed(s.frames / s.seconds, 1)} frames/s`, `${fixed(s.seconds, 1)} s`]);
@@ -73,7 +73,7 @@ function fillFigures(list) {
   });
 }
 
-/// What deserves a look beside the verdict.
+/// Remarks in addition to the verdict.
 function remarks(run) {
   const s = run.summary, list = [];
   for (const l of s.lost || []) list.push(`No pose in frames ${l.first} to ${l.last} (${fixed(l.seconds, 2)} s): ${l.reason}; then ${l.then}.`);
@@ -97,7 +97,7 @@ function table(heads, rows) {
     element("tbody", {}, ...rows.map((r) => element("tr", {}, ...r.map((x) => (x instanceof Node && x.tagName === "TD" ? x : cell(x))))))));
 }
 
-/// All figures, losses, objects and times as tables. `go` shows a frame.
+/// Shows tables: figures, losses, objects, times. `go` shows a frame.
 function showTables(run, go) {
   const s = run.summary, parts = [table(["Figure", "Value", ""], [...figures(run), ...moreFigures(run)].map(([name, value, remark]) => [name, value, remark || ""]))];
   const link = (frame) => element("button", { type: "button", onclick: () => go(run.at(frame)) }, String(frame));

@@ -1,26 +1,25 @@
 "use strict";
-// The frame: its picture, and what was said of it.
+// The frame's picture, with verdicts and boxes.
 
-/// As in the pictures of `--overlay`: what stands still is a disc, what was rejected a ring with a dot.
+/// Verdicts on keypoints. As in `--overlay`, static ones are discs, rejected ones rings with a dot.
 const SAID = ["stands still", "on a moving object", "moves against the scene", "off its epipolar line", "depth of what moves", "moved before"];
 const saidColour = (kind) => css(`--said-${kind}`);
-/// Whether the page is one screen, and the picture fits its place; else its width alone decides.
+/// Whether the page fills one screen, so that height limits the picture's size as well.
 const ONE_SCREEN = matchMedia("(min-width: 60rem), print");
-/// Pixels of the screen that one of the page has: what is drawn is sharp on a dense screen.
+/// Device pixels per CSS pixel, at most 3; keeps canvases sharp on dense screens.
 const density = () => Math.min(3, window.devicePixelRatio || 1);
 
 class FramePicture {
   constructor(canvas) {
     this.canvas = canvas;
     byId("said").replaceChildren("Features:", ...SAID.flatMap((name, kind) => [element("i", { className: "key", style: `background:${saidColour(kind)}` }), name]));
-    // Its place is settled by what is around it, which may come later. Drawn with the next image of the screen: a size that changes while sizes are told is an
-    // error of the page.
+    // The container may be resized later. A resize of the canvas within the observer's callback would raise an error, so the redraw waits for an animation frame.
     const redraw = () => this.wanted && this.at(...this.wanted);
     new ResizeObserver(() => requestAnimationFrame(redraw)).observe(canvas.parentElement);
     canvas.addEventListener("click", (e) => this.chooseAt(e.offsetX / canvas.clientWidth, e.offsetY / canvas.clientHeight));
   }
 
-  /// Draws the picture that is nearest to a frame.
+  /// Draws the picture nearest to a frame.
   at(run, i, mover) {
     this.wanted = [run, i, mover];
     const picture = run.picture(i), canvas = this.canvas;
@@ -32,7 +31,7 @@ class FramePicture {
     const image = run.image(picture, () => this.wanted[0] === run && (this.wanted[1] === i || page.following) && this.draw(run, picture, mover));
     if (image.complete) this.draw(run, picture, mover);
     const shown = run.pictureFrame[picture];
-    // While a run goes on, numbers are some frames ahead of the picture.
+    // In a live run, figures are some frames ahead of the picture.
     const note = Math.abs(run.pictureAt[picture] - i) <= (run.isLive ? 5 : 0) ? "" : ` (the nearest picture is of frame ${shown})`;
     const known = run.state[i] === LOST ? "" : `, ${run.inliers[i]} inliers, quality ${fixed(run.quality[i], 2)}, \u00b1${fixed(run.sigma_mm[i], 1)} mm`;
     const text = `Frame ${run.id[i]}, ${fixed(run.seconds[i], 2)} s: ${STATES[run.state[i]]}${known}${note}`;
@@ -41,7 +40,7 @@ class FramePicture {
     canvas.setAttribute("aria-label", text);
   }
 
-  /// Makes the canvas as large as its place allows, and as sharp as the screen.
+  /// Fits the canvas into its container at screen resolution, and draws it.
   draw(run, picture, mover) {
     const [w, h] = run.data.pictures.size, place = this.canvas.parentElement;
     const high = ONE_SCREEN.matches ? place.clientHeight : Infinity, scale = Math.min(place.clientWidth / w, high / h);
@@ -50,7 +49,7 @@ class FramePicture {
     paintPicture(this.canvas, run, picture, { verdicts: byId("verdicts").checked, boxes: byId("boxes").checked, mover, scale: scale * density() });
   }
 
-  /// The smallest box at a place of the picture is chosen, or none.
+  /// Selects the smallest box at x, y (from 0 to 1), or none.
   chooseAt(x, y) {
     const [run, i] = this.wanted || [];
     if (!run || run.picture(i) < 0) return;
@@ -60,7 +59,7 @@ class FramePicture {
     choose(here.length && here[0].id !== page.mover ? here[0].id : null);
   }
 
-  /// The picture as it is drawn, with what it is of, as a file.
+  /// Saves the drawn picture with its caption as PNG.
   save() {
     const from = this.canvas, bar = Math.round(from.width / 22), made = element("canvas", { width: from.width, height: from.height + bar });
     const g = made.getContext("2d");
@@ -75,20 +74,20 @@ class FramePicture {
   }
 }
 
-/// What moves and people have boxes, and what was chosen.
+/// Moving objects, people and the selection have boxes.
 const isDrawn = (o, mover) => o.motion === 1 || o.name === "person" || o.id === mover;
 
 function paintPicture(canvas, run, picture, { verdicts, boxes, mover, scale }) {
   const [w, h] = run.data.pictures.size;
   [canvas.width, canvas.height] = [Math.round(w * scale), Math.round(h * scale)];
-  // Signs grow with the picture.
+  // Scales symbols and labels.
   const unit = Math.max(0.5, canvas.width / 520);
-  // Some hundred small discs are drawn faster by the processor than by what stands for a graphics card where there is none.
+  // Drawing hundreds of small discs is faster on the CPU than on an emulated GPU.
   const g = canvas.getContext("2d", { willReadFrequently: true }), image = run.image(picture);
   if (image.complete && image.naturalWidth) g.drawImage(image, 0, 0, canvas.width, canvas.height);
   if (verdicts) {
     const f = run.features(picture);
-    // One path for all of a kind: a stroke for each would take most of the time of a frame.
+    // One path per kind: separate strokes would take most of the frame time.
     SAID.forEach((_, kind) => {
       const colour = saidColour(kind);
       const [dots, rings] = [new Path2D(), new Path2D()];

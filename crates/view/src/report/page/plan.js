@@ -1,5 +1,5 @@
 "use strict";
-// The floor plan: the map from above, where the camera went, and where people did in the last seconds.
+// The floor plan: map and trajectories from above, and recent paths of people and moving objects.
 
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
@@ -22,7 +22,7 @@ class Plan {
   view() {}
   redraw() {}
 
-  /// How large it is: the middle nine tenths of the points, and all ways.
+  /// Fits the scale to the middle 90 % of the points, and to all poses.
   extent() {
     const { run } = this, axes = [[], []], every = 3 * Math.max(1, Math.floor(run.points.length / 3 / 4000));
     for (let i = 0; i < run.points.length; i += every) [0, 2].forEach((k, a) => axes[a].push(run.points[i + k]));
@@ -41,7 +41,7 @@ class Plan {
     this.px = (p) => [width / 2 + scale * (p[0] - (x0 + x1) / 2), height / 2 - scale * (p[2] - (z0 + z1) / 2)];
   }
 
-  /// What does not change with the frame, drawn once.
+  /// Draws the parts that all frames share.
   paintGround() {
     const { run, ground } = this, g = ground.getContext("2d"), unit = density();
     this.extent();
@@ -51,7 +51,7 @@ class Plan {
       const [x, y] = this.px(run.points.subarray(i, i + 3));
       g.fillRect(x, y, 1.5 * unit, 1.5 * unit);
     }
-    // Truth is wide, and seen on both sides of what was estimated.
+    // The wide ground truth stays visible under the estimate.
     this.way(g, run, run.truth, 3, css("--truth"), 5 * unit);
     this.others.forEach((o, k) => this.way(g, o, o.pose, 7, trackColour(k + 1), 1.5 * unit));
     this.way(g, run, run.pose, 7, css("--accent"), 1.6 * unit);
@@ -75,7 +75,7 @@ class Plan {
     g.stroke();
   }
 
-  /// Draws a frame: the camera with where it looks, and who went where.
+  /// Draws a frame: the camera's viewing direction and objects' paths.
   at(i) {
     const { canvas, run, ground } = this, unit = density();
     if (!run || canvas.hidden) return;

@@ -1,5 +1,5 @@
 "use strict";
-// The page of runs that are over: all data are in it.
+// The page of finished runs, with all their data.
 
 function start() {
   page.runs = JSON.parse(byId("data").textContent).map((d) => new Run(d));
@@ -10,7 +10,7 @@ function start() {
   nav.hidden = page.runs.length < 2;
   nav.replaceChildren(...page.runs.map((r) => element("button", { type: "button", onclick: () => select(r) }, r.label)));
   select(page.runs[Number(new URLSearchParams(location.hash.slice(1)).get("run")) || 0]);
-  // It opens where something happened.
+  // Opens at the most notable frame.
   if (page.notable.length) seek(page.notable[0][1]);
   openAt(location.hash);
   page.ready = true;

@@ -1,5 +1,5 @@
 "use strict";
-// Points and lines in three dimensions, by WebGL 2. The world is a camera's: x right, y down, z ahead; it is shown with y up.
+// 3D points and lines in WebGL 2. The world has the axes of a camera: x right, y down, z ahead; up on the screen is -y.
 
 const VERTEX = `#version 300 es
 layout(location = 0) in vec3 position;
@@ -24,16 +24,16 @@ void main() {
   colour = tint;
 }`;
 
-/// Layers that are bands of points: their width, px, and how far they are moved towards the viewer, so that what was estimated lies on the truth.
+/// Layers drawn as bands of points: width, px, and depth offset towards the viewer, which puts the estimate on top of the truth.
 const BANDS = { truth: [7, 0.002], trajectory: [2.6, 0.004] };
 
-/// Layers that change with the frame. They are drawn over the others, which are drawn once for each view and then copied to where these were:
-/// without a graphics card points and lines take ten times as long as a copy, and a copy of all as long as the rest of a frame. So the camera
-/// and what moves are not hidden by points either.
+/// Layers that change with the frame, drawn over a cached image of the others. Each frame restores only the region that these layers covered:
+/// without a GPU, drawing all points takes ten times as long as copying them, and a copy of the canvas as long as the rest of a frame.
+/// As they skip the depth test, points never hide them.
 const CHANGING = new Set(["camera", "movers"]);
 
 class Scene {
-  /// Throws with the reason where there is no WebGL 2.
+  /// Throws an error if WebGL 2 is unavailable.
   constructor(canvas) {
     this.canvas = canvas;
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, preserveDrawingBuffer: true });
@@ -54,7 +54,7 @@ class Scene {
     this.program = program(VERTEX, FRAGMENT);
     this.targets = null;
     this.key = null;
-    // The part of the canvas in which layers that change were drawn.
+    // The region of the canvas that changing layers last covered.
     this.touched = null;
     this.matrix = gl.getUniformLocation(this.program, "clip_from_world");
     this.size = gl.getUniformLocation(this.program, "size");
@@ -69,7 +69,7 @@ class Scene {
     this.follow = null;
   }
 
-  /// Sets a layer: `kind` is points, beads (points of one width), lines (pairs), strip or triangles (three numbers of positions each, in `corners`); `colours` four bytes for each position.
+  /// Sets a layer: `kind` is points, beads (points of fixed size), lines (pairs), strip or triangles (three indices each, in `corners`); `colours` has four bytes per position.
   set(name, kind, positions, colours, corners = null) {
     const gl = this.gl;
     let layer = this.layers.get(name);
@@ -102,10 +102,10 @@ class Scene {
     this.key = null;
   }
 
-  /// Axes of the viewer in the world: right, up and back.
+  /// The viewer's axes in the world: right, up and back.
   axes() {
     const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
-    // At no angle the viewer looks along the world's z, as the first camera did.
+    // At yaw 0 and pitch 0 the viewer looks along z, like the first camera.
     return [[cy, 0, sy], [-sy * sp, -cp, cy * sp], [sy * cp, -sp, -cy * cp]];
   }
 
@@ -159,7 +159,7 @@ class Scene {
     this.touched = this.reach(matrix, w, h);
   }
 
-  /// The part of the canvas in which the layers that change lie, as left, bottom, right and top, px; null for none.
+  /// Bounding box of the changing layers on the canvas, as left, bottom, right and top, px; null if they are empty.
   reach(matrix, w, h) {
     let box = null;
     for (const name of CHANGING) {
@@ -168,7 +168,7 @@ class Scene {
       const p = layer.positions, at = (row, i) => matrix[row] * p[i] + matrix[4 + row] * p[i + 1] + matrix[8 + row] * p[i + 2] + matrix[12 + row];
       for (let i = 0; i < p.length; i += 3) {
         const depth = at(3, i);
-        // What begins behind the viewer ends anywhere.
+        // A vertex behind the viewer has no pixel.
         if (!(depth > 1e-6)) return [0, 0, w, h];
         const [x, y] = [(at(0, i) / depth + 1) / 2 * w, (at(1, i) / depth + 1) / 2 * h];
         box = box ? [Math.min(box[0], x), Math.min(box[1], y), Math.max(box[2], x), Math.max(box[3], y)] : [x, y, x, y];
@@ -197,7 +197,7 @@ class Scene {
     gl.bindVertexArray(null);
   }
 
-  /// What is drawn on several times a pixel, and the picture that becomes of it.
+  /// Creates a multisampled framebuffer, and the one that it resolves to.
   makeTargets(w, h) {
     const gl = this.gl, old = this.targets;
     if (old) {
@@ -231,5 +231,5 @@ class Scene {
   zoom(factor) { this.distance = Math.max(0.05, Math.min(500, this.distance * factor)); }
 }
 
-/// A colour of the style as three bytes.
+/// A CSS variable's colour as RGB bytes.
 const rgb = (name) => hex(css(name));

@@ -1,18 +1,18 @@
 "use strict";
-// How the time of a frame is spent: one bar, and in it the parts of its largest part.
+// Time per frame: one bar with its stages, and one with the stages of tracking.
 
 const stage = (run, name) => (run.summary.timing_ms || []).find((t) => t.stage === name);
 
-/// Stages that come one after the other in a frame, and those that follow each other while it is tracked. What is left of the whole is the rest.
+/// Consecutive stages of a frame, and of its tracking. The remaining time is called rest.
 const WHOLE = [["frame", "tracking"], ["detect", "detector"], ["map", "mapping"], ["retrace", "retracing"]];
 const TRACKING = [["extract", "keypoints"], ["depth", "depth"], ["flow", "flow"], ["motion", "motion"], ["filter", "static filter"], ["match", "matching"], ["pose", "pose"]];
 
-/// The parts of a whole, each with its mean time per frame, ms; the last is what is left.
+/// The parts of a stage with their mean times per frame, ms; the last is the rest.
 function partsOf(run, whole, names) {
   const frames = whole.n, share = (t) => t.mean * t.n / frames;
   const parts = names.map(([name, label]) => [label, stage(run, name)]).filter(([, t]) => t).map(([label, t]) => [label, share(t)]);
   const known = parts.reduce((sum, [, ms]) => sum + ms, 0);
-  // Threads that share a stage may together take more than the whole lasts: then it is the whole.
+  // Parallel parts may add up to more than the whole stage; the total is then their sum.
   const total = Math.max(whole.mean, known);
   return { total, parts: [...parts, ["rest", total - known]] };
 }
@@ -24,7 +24,7 @@ function bar({ total, parts }, deep) {
   element("p", { className: "small parts" }, ...shown.map(([label, ms]) => element("span", {}, `${label} ${fixed(ms, ms < 1 ? 2 : 1)} ms`)))];
 }
 
-/// The bar of a frame, and under it that of tracking, drawn as wide.
+/// Shows the bars of a frame and of tracking, equally wide.
 function showStages(run) {
   const tracking = stage(run, "frame"), total = stage(run, "total"), whole = total || tracking;
   byId("stages-section").hidden = !whole;

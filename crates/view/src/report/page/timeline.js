@@ -1,13 +1,13 @@
 "use strict";
-// What every frame was, one band under the other, and where one is.
+// The timeline: lanes with every frame's state and figures.
 
 const KINDS = { loss: "No pose", found: "Found again", begun: "Map began", loop: "Loop closed", revoked: "Beginning taken back" };
 const kindColour = (kind) => css({ loss: "--bad", found: "--good", begun: "--accent", loop: "--warm", revoked: "--bad" }[kind]);
 
-/// Room beside the bands for the values of the frame that is shown, px.
+/// Width of the column beside the lanes for the current values, px.
 const RIGHT = 70;
 
-/// The least number that is not below another, of some times a power of ten: as steps of an axis, or as its end.
+/// Rounds up to a factor times a power of ten: STEPS for the spacing of an axis, ENDS for its upper end.
 const [STEPS, ENDS] = [[1, 2, 5, 10], [1, 1.5, 2, 3, 4, 5, 6, 8, 10]];
 function roundUp(x, factors) {
   const power = 10 ** Math.floor(Math.log10(x));
@@ -40,12 +40,12 @@ class Timeline {
     this.refresh();
   }
 
-  /// Takes in what is new of the run.
+  /// Updates and redraws the lanes.
   refresh() {
     const run = this.run;
     const lanes = [["error_mm", "error", "mm"], ["sigma_mm", "1 sigma", "mm"], ["moving", "moves", "%"], ["time_ms", run.data.time_is === "latency" ? "latency" : "time", "ms"], ["answer_ms", "detector", "ms"], ["inliers", "inliers", ""]];
     this.lanes = lanes.filter(([name]) => run[name].some((x) => Number.isFinite(x) && (x > 0 || name !== "moving")));
-    // An error tells more than what one expects it to be.
+    // The true error is more useful than its estimate.
     if (this.lanes.some((l) => l[0] === "error_mm")) this.lanes = this.lanes.filter((l) => l[0] !== "sigma_mm");
     byId("values").replaceChildren(...this.lanes.map(() => element("span")));
     this.canvas.setAttribute("aria-valuemin", "0");
@@ -53,7 +53,7 @@ class Timeline {
     this.paint();
   }
 
-  /// Draws the bands, once; where one is, is a line above them.
+  /// Draws the lanes; a separate element marks the frame.
   paint() {
     const { canvas, run } = this, scale = density();
     const [w, h] = [Math.max(1, canvas.clientWidth), Math.max(1, canvas.clientHeight)];
@@ -67,7 +67,7 @@ class Timeline {
     g.font = "11px Roboto, sans-serif";
     this.axis(g, width, top, h);
     const colours = [css("--bad"), css("--accent"), css("--good"), css("--accent"), css("--warm"), css("--warm")];
-    // One stroke for as long as nothing changes.
+    // One rectangle for frames of equal state.
     for (let i = 0, next; i < n; i = next) {
       for (next = i + 1; next < n && run.state[next] === run.state[i];) next++;
       g.fillStyle = colours[run.state[i]];
@@ -91,7 +91,7 @@ class Timeline {
     this.at(this.frame);
   }
 
-  /// Seconds, below, with lines through all bands.
+  /// Time axis with grid lines through all lanes.
   axis(g, width, top, h) {
     const run = this.run, seconds = run.count ? run.seconds[run.count - 1] : 0;
     if (!(seconds > 0)) return;
@@ -108,7 +108,7 @@ class Timeline {
     g.textAlign = "left";
   }
 
-  /// The frame that is nearest to a share of the whole time.
+  /// Index of the frame nearest to a share of the duration.
   nearest(share) {
     const { seconds, count } = this.run, t = share * seconds[count - 1];
     let low = 0, high = count - 1;
@@ -119,13 +119,13 @@ class Timeline {
     return low > 0 && t - seconds[low - 1] < seconds[low] - t ? low - 1 : low;
   }
 
-  /// The end of a lane's scale: the same for all runs of the page, so that they can be compared.
+  /// Upper end of a lane's scale, the same for all runs of the page to make them comparable.
   most(name) {
     const ends = page.runs.map((run) => {
-      // For as long as it is undecided who moves, nothing is known of how good a pose is: those frames would make all others look alike.
+      // While it is undecided what moves, the quality of poses is unknown: these frames would flatten all others.
       const decided = Float64Array.from(run[name]).filter((v, i) => Number.isFinite(v) && run.state[i] < UNDECIDED).sort();
       const sorted = decided.length ? decided : Float64Array.from(run[name]).filter(Number.isFinite).sort();
-      // What one frame in a hundred has may go beyond the band.
+      // One frame in a hundred may exceed the lane.
       return sorted.length ? Math.max(sorted[Math.floor(0.99 * (sorted.length - 1))], sorted[sorted.length >> 1] * 1.3) : 0;
     });
     return roundUp(Math.max(1e-6, ...ends), ENDS);
@@ -149,7 +149,7 @@ class Timeline {
     g.strokeStyle = css("--accent");
     g.lineWidth = 1.3;
     g.beginPath();
-    // What only some frames have, as the detector's answers and what was not told in time, is a line from one to the next.
+    // Connects sparse values: the detector's answers, and a live run's values if some were not reported in time.
     const count = values.reduce((c, v) => c + (Number.isFinite(v) ? 1 : 0), 0), sparse = this.run.isLive || count < n / 2;
     if (n <= width || (sparse && n < 4 * width)) {
       let pen = false;
@@ -159,7 +159,7 @@ class Timeline {
         pen = true;
       }
     } else {
-      // Of the frames in a column of pixels the least and the most.
+      // Minimum and maximum of the frames in a column of pixels.
       for (let i = 0, pen = false; i < n;) {
         const c = Math.floor(this.x(i) - this.left);
         let low = Infinity, high = -Infinity;
@@ -180,7 +180,7 @@ class Timeline {
   at(i) {
     this.frame = i;
     const run = this.run;
-    // While a run goes on, the newest frames are later than what is painted.
+    // In a live run the newest frames may not have been drawn yet.
     this.line.style.transform = `translateX(${Math.min(this.x(i), this.right)}px)`;
     this.canvas.setAttribute("aria-valuenow", String(i));
     if (!run.count) return;

@@ -1,14 +1,14 @@
 "use strict";
-// The map: what is shown of a run in three dimensions, and how one moves about in it.
+// The map in 3D: layers of a run, viewpoints and mouse control.
 
 const dark = () => matchMedia("(prefers-color-scheme: dark)").matches && !document.documentElement.dataset.paper;
-/// From old to new, and from what moves to what stands still; each has as much contrast as the other on its paper.
+/// Colours from old to new, and from moving to static, with similar contrast on light and dark backgrounds.
 const RAMPS = {
   age: { light: [[70, 50, 127], [39, 127, 142], [150, 150, 20]], dark: [[130, 120, 220], [64, 180, 180], [226, 221, 60]] },
   static: { light: [[190, 70, 0], [140, 115, 20], [0, 115, 150]], dark: [[255, 140, 70], [225, 205, 120], [110, 200, 245]] },
 };
 const hex = (text) => [1, 3, 5].map((i) => parseInt(text.slice(i, i + 2), 16));
-/// The colour of an object's box, darker where paper is light, as bytes.
+/// RGB bytes of an object's colour, darker on light backgrounds.
 const trackBytes = (id) => hex(css(`--object-${id % 8}`)).map((v) => Math.round(dark() ? v : 0.68 * v));
 const trackColour = (id) => `rgb(${trackBytes(id)})`;
 
@@ -24,7 +24,7 @@ const painted = (count, colour, alpha = 255) => {
   return bytes;
 };
 
-/// The edges of a pyramid from a camera's centre, as pairs of points.
+/// Edges of a camera's frustum, as pairs of points.
 function frustum(pose, size) {
   const centre = Array.from(pose.slice(0, 3)), q = pose.slice(3, 7);
   const corner = (x, y) => rotated(q, [x * size, y * size, 1.2 * size]).map((v, i) => v + centre[i]);
@@ -34,7 +34,7 @@ function frustum(pose, size) {
   return out;
 }
 
-/// The edges of a box that stands upright in the world.
+/// Edges of an upright box, as pairs of points.
 function boxEdges(p, w, h) {
   const at = (i) => [p[0] + (i & 1 ? w : -w) / 2, p[1] + (i & 2 ? h : -h) / 2, p[2] + (i & 4 ? w : -w) / 2];
   const out = [];
@@ -42,7 +42,7 @@ function boxEdges(p, w, h) {
   return out;
 }
 
-/// The squares of a level ground, as pairs of points.
+/// Lines of a ground grid, as pairs of points.
 function squares(middle, y, reach, step) {
   const out = [], n = Math.ceil(reach / step), [x0, z0] = [0, 2].map((k) => Math.round(middle[k] / step) * step);
   for (let i = -n; i <= n; i++) {
@@ -52,10 +52,10 @@ function squares(middle, y, reach, step) {
   return out;
 }
 
-/// Sightings of an object that are farther apart have no line between them, s and m: nothing was measured there.
+/// Maximum gap between connected sightings of an object, s and m; nothing was measured in longer gaps.
 const APART = { seconds: 0.5, metres: 0.6 };
 
-/// Where an object went in the last seconds up to a frame, as lines through what was measured.
+/// An object's path in the last seconds before a frame, as lines through its sightings.
 function pathOf(run, track, i, seconds) {
   const lines = [];
   let before = null;
@@ -68,7 +68,7 @@ function pathOf(run, track, i, seconds) {
   return lines;
 }
 
-/// The paths that are shown: of what is chosen since it was first seen, of people and of what moves the last seconds.
+/// Paths to draw: the whole path of the selected object, and the last seconds of people and moving objects.
 const RECENT = 5;
 function pathsAt(run, i, mover) {
   const out = [];
@@ -79,7 +79,7 @@ function pathsAt(run, i, mover) {
   return out;
 }
 
-/// How many sightings of an object there are up to a frame.
+/// Number of sightings of an object up to a frame.
 function upTo(track, i) {
   let low = 0, high = track.length;
   while (low < high) {
@@ -101,7 +101,7 @@ class View3d {
     this.listen(canvas);
   }
 
-  /// Shows a run; the others only by their trajectories.
+  /// Shows a run, and the trajectories of the others.
   load(run, others) {
     this.run = run;
     this.others = others;
@@ -110,7 +110,7 @@ class View3d {
     this.home();
   }
 
-  /// How large the scene is: the middle nine tenths of the points, and the camera's way.
+  /// Computes the extent of the middle 90 % of the points, and of the trajectory.
   extent() {
     const run = this.run, axes = [[], [], []];
     const every = Math.max(1, Math.floor(run.points.length / 3 / 5000));
@@ -126,12 +126,12 @@ class View3d {
     this.middle = ranges.map(([a, b]) => (a + b) / 2);
     this.radius = Math.max(0.3, Math.hypot(...ranges.map(([a, b]) => b - a)) / 2);
     this.bottom = ranges[1][1];
-    // As many pixels in a small map as in a large one, about.
+    // Small and large maps cover about as many pixels.
     this.scene.pointSize = Math.max(3, Math.min(9, 4 * Math.sqrt(3000 / Math.max(1, run.points.length / 3))));
     this.step = [0.1, 0.5, 1, 5, 10].find((s) => this.radius / s < 8) || 50;
   }
 
-  /// Colours depend on the paper: light, dark or printed.
+  /// Redraws all layers: colours depend on the theme.
   paint() {
     const scene = this.scene;
     this.paintSurface();
@@ -147,7 +147,7 @@ class View3d {
     this.redraw();
   }
 
-  /// The surface in its own colours, darker where it is turned away from above.
+  /// Sets the surface in its own colours, shaded as if lit from above.
   paintSurface() {
     const { surface, surfaceColour, triangles } = this.run, normals = new Float32Array(surface.length);
     for (let t = 0; t < triangles.length; t += 3) {
@@ -167,14 +167,14 @@ class View3d {
     byId("layer-surface").hidden = !triangles.length;
   }
 
-  /// Takes in a new surface.
+  /// Shows a new surface.
   growSurface() {
     this.paintSurface();
     this.legend();
     this.redraw();
   }
 
-  /// Keyframes, what loops tie together, and the ground.
+  /// Sets keyframes, loop closures and the ground.
   paintKeyframes() {
     const { run, scene } = this;
     const muted = rgb("--muted"), warm = rgb("--warm");
@@ -193,18 +193,18 @@ class View3d {
     scene.set("loops", "lines", new Float32Array(loops), painted(loops.length / 3, warm));
   }
 
-  /// Where the camera went.
+  /// Trajectory and truth.
   paintWay() {
     const { run, scene } = this;
     const way = this.beads(this.way(run, (i) => run.pose.subarray(7 * i, 7 * i + 3)));
     scene.set("trajectory", "beads", way, painted(way.length / 3, rgb("--accent")));
-    // Wide, under what was estimated: it is seen on both sides of it.
+    // The wide ground truth stays visible under the estimate.
     const truth = this.beads(this.way(run, (i) => run.truth.subarray(3 * i, 3 * i + 3)));
     scene.set("truth", "beads", truth, painted(truth.length / 3, rgb("--truth")));
     byId("layer-truth").hidden = !truth.length;
   }
 
-  /// Points along lines, so close that they are a band: a line of WebGL is a pixel wide.
+  /// Points along lines, dense enough to form a band: WebGL lines are one pixel wide.
   beads(lines) {
     const out = [], apart = this.radius / 130;
     for (let i = 0; i < lines.length; i += 6) {
@@ -214,7 +214,7 @@ class View3d {
     return new Float32Array(out);
   }
 
-  /// A line through the frames; it breaks where there is nothing. Steps that are not seen are left out: what a camera goes in ten minutes would take
+  /// Line segments through the frames, with gaps at missing positions. Steps too short to see are skipped: the trajectory of ten minutes would take
   /// longer to draw than all else.
   way(run, at) {
     const out = [], least = this.radius / 250;
@@ -258,7 +258,7 @@ class View3d {
     byId("legend").replaceChildren(...parts);
   }
 
-  /// What depends on the frame: the camera, and what moves.
+  /// Sets a frame's layers: camera and moving objects.
   at(i, mover) {
     const run = this.run, scene = this.scene;
     const camera = run.hasPose(i) ? frustum(run.pose.subarray(7 * i, 7 * i + 7), this.radius / 18) : [];
@@ -294,7 +294,7 @@ class View3d {
 
   home() { this.view("home"); }
 
-  /// Takes in what is new of the map, and goes on showing all of it until the user chose what to look at.
+  /// Redraws a grown map, and keeps all of it in view until the user changes the viewpoint.
   grow() {
     this.extent();
     this.colourPoints();

@@ -1,7 +1,7 @@
 "use strict";
-// Where it went wrong most.
+// Worst and notable frames.
 
-/// The frames that are farthest off, or least certain; not one beside the other.
+/// Shows frames with the largest error, else 1 sigma, spaced apart in time.
 function worst(run) {
   const by = run.error_mm.some(Number.isFinite) ? ["error_mm", "distance to the truth", "mm"] : ["sigma_mm", "standard deviation of the position", "mm"];
   const values = run[by[0]], found = [];
@@ -24,7 +24,7 @@ function worst(run) {
   }));
 }
 
-/// Frames at which something happened, the one that tells most first: what it is in words, and its index.
+/// Notable frames, the most important first, as (name, index, value).
 function notable(run) {
   const list = [], most = (values, keep) => {
     let best = -1;
@@ -33,7 +33,7 @@ function notable(run) {
   };
   const losses = (run.summary.lost || []).slice().sort((a, b) => b.seconds - a.seconds);
   if (losses.length) list.push([losses.length > 1 ? "Longest loss" : "Loss", run.at(losses[0].first), `${fixed(losses[0].seconds, 1)} s`]);
-  // For as long as it is undecided who moves, nothing is known of how good a pose is.
+  // While it is undecided what moves, the quality of poses is unknown.
   const decided = (i) => run.state[i] < UNDECIDED && run.state[i] !== LOST;
   const hasTruth = run.error_mm.some(Number.isFinite), name = hasTruth ? "error_mm" : "sigma_mm";
   const sure = most(run[name], decided), worst = sure >= 0 ? sure : most(run[name], () => true);
@@ -45,7 +45,6 @@ function notable(run) {
   return list;
 }
 
-/// Buttons to them.
 function showNotable(run) {
   page.notable = notable(run);
   byId("jumps").replaceChildren(...page.notable.map(([name, i, value]) => element("li", {}, element("button", { type: "button", title: value, onclick: () => seek(i) }, `${name}${value ? ` ${value}` : ""}: frame ${run.id[i]}`))));
