@@ -42,7 +42,7 @@ fn labels(report: &Value) -> Vec<&str> {
 }
 
 #[test]
-fn ablation_runs_seven_configurations_of_a_scene() {
+fn ablation_runs_six_configurations_of_a_scene() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     let frames = ["--runs", "2", "--max-frames", "8", "--seed", "5"];
@@ -62,12 +62,12 @@ fn ablation_runs_seven_configurations_of_a_scene() {
     assert!(text.contains("30 % of the people missed"), "{text}");
     let ours = lines(&text, "sim:walking_xyz");
     // The overview, then a line per configuration.
-    assert_eq!(ours.len(), 8, "{text}");
-    assert_eq!(ours[0].len(), 8, "{text}");
+    assert_eq!(ours.len(), 7, "{text}");
+    assert_eq!(ours[0].len(), 7, "{text}");
     let published = lines(&text, "walking_xyz as published");
     assert_eq!(
         published[0][1..],
-        ["952.8", "16.2", "321.1", "17.8", "15.1", "", ""]
+        ["952.8", "16.2", "321.1", "17.8", "15.1", ""]
     );
 
     assert!(
@@ -99,7 +99,7 @@ fn ablation_runs_seven_configurations_of_a_scene() {
     // Each run uses its configuration.
     let rejected = |k: usize| row["variants"][k]["rejected"].as_f64().unwrap();
     assert_eq!(rejected(0), 0.0);
-    for k in [1, 3, 4, 5, 6] {
+    for k in [1, 3, 4, 5] {
         assert!(rejected(k) > 0.0, "configuration {k} rejected nothing");
     }
     assert!(rejected(1) > rejected(2), "boxes reject more than lines");
@@ -150,7 +150,7 @@ fn ablation_handles_missing_detectors_and_broken_folders() {
     let script = ["--runs", "1", "--detector", "scripted:{}/detections.csv"];
     check(&ablation(room.to_str().unwrap(), &out, &script), 0, &[]);
     let report = json(&out);
-    assert_eq!(labels(&report).len(), 7);
+    assert_eq!(labels(&report).len(), 6);
     let runs = &report["sequences"][0]["variants"][1]["runs"];
     let script = room.join("detections.csv");
     assert_eq!(runs[0]["detector"]["name"], script.to_str().unwrap());
