@@ -83,6 +83,7 @@ fn render(root: &Path, region: &Region) -> Result<String, Failure> {
         let table = match region.view {
             Some(View::Variants) => views::variants(&all, views::position),
             Some(View::Motion) => views::variants(&all, views::motion),
+            Some(View::Errors) => views::errors(&all),
             Some(View::Stages) => views::stages(&all),
             Some(View::Latency) => views::latency(&all),
             None if of_peers => views::peers(&all, &peers::titles()),

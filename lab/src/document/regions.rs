@@ -23,6 +23,8 @@ pub(crate) enum View {
     Variants,
     /// Relative errors over 1 s, a column per variant.
     Motion,
+    /// All errors, without times.
+    Errors,
     /// Times by stage.
     Stages,
     Latency,
@@ -33,6 +35,7 @@ impl View {
         Some(match word {
             "variants" => Self::Variants,
             "motion" => Self::Motion,
+            "errors" => Self::Errors,
             "stages" => Self::Stages,
             "latency" => Self::Latency,
             _ => return None,
@@ -44,7 +47,7 @@ impl Region {
     fn parse(words: &str) -> Result<Self, Failure> {
         let wrong = || {
             format!(
-                "expected `{BEGIN}NAME [NUMBER] [bare] [variants|motion|stages|latency]{CLOSE}`, found {words:?}"
+                "expected `{BEGIN}NAME [NUMBER] [bare] [variants|motion|errors|stages|latency]{CLOSE}`, found {words:?}"
             )
         };
         let mut all = words.split_whitespace();

@@ -2,7 +2,7 @@
 
 mod benchmarks;
 
-pub(crate) use benchmarks::{latency, motion, position, stages, variants};
+pub(crate) use benchmarks::{errors, latency, motion, position, stages, variants};
 
 use crate::results::{Figures, Run};
 use crate::table::{Align, Table, figure, median_and_range, spread};
