@@ -7,8 +7,8 @@ use std::path::PathBuf;
 /// Check a few seconds of a recording, and explain problems and their remedies.
 ///
 /// In order of severity: lens model, depth scale, mirrored images, registration of depth to colour, focal length, synchronisation, time
-/// stamps, frozen images, exposure, blur, depth holes, dropped frames. Checks that these seconds do not allow, such as that of the focal
-/// length while the camera does not turn, are listed as not judged.
+/// stamps, frozen images, exposure, blur, depth holes, dropped frames; then, if there are any, inertial sensor and wheel odometry.
+/// Checks that these seconds do not allow, such as that of the focal length while the camera does not turn, are listed as not judged.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,

@@ -29,7 +29,7 @@ impl LiveChoice {
 /// The layout of a folder (TUM, Bonn, ICL-NUIM, 7-Scenes), the topics of a recording (MCAP, rosbag2, ROS 1 bag) and the camera are guessed,
 /// and each guess is printed. With ground truth the score is printed too.
 ///
-/// The result folder holds trajectory.txt (final poses of the frames that were tracked with at least 30 inliers; TUM format),
+/// The result folder holds trajectory.txt (final poses of all frames that were not lost; TUM format),
 /// trajectory_covariance.txt and trajectory_covariance_in_map.txt (their uncertainty), trajectory_online.txt (the poses as known at each
 /// frame), keyframes.txt, config.toml (the resolved configuration), summary.json, report.html (an interactive page of all this: see report
 /// --help), and plots. An older result in the folder is replaced only when the run has ended. Ctrl-C ends the run after the current frame
