@@ -92,7 +92,7 @@ class Tools:
             needs = ["maturin>=1.9,<2", *(["ziglang"] if sys.platform == "linux" else [])]
             subprocess.run([tools, "-m", "pip", "install", "-q", *needs], check=True)
             self.env["PATH"] = f"{tools.parent}{os.pathsep}{self.env['PATH']}"
-        # Like maturin's lookup.
+        # maturin looks for zig in the same two places.
         self.has_zig = sys.platform == "linux" and (
             shutil.which("zig", path=self.env["PATH"]) is not None
             or subprocess.run(["python3", "-m", "ziglang", "version"], env=self.env, capture_output=True).returncode == 0

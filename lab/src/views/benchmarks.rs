@@ -2,7 +2,7 @@
 
 use super::{Row, megabytes, rows};
 use crate::results::{Figures, Live, Run, Time};
-use crate::table::{ABSENT, Align, Table, figure, median_and_range, spread};
+use crate::table::{ABSENT, Align, Table, figure, spread};
 
 /// ATE, mm: median over the seeds, slash, the worst if it differs; and the share of frames with a pose if some have none.
 pub(crate) fn position(row: &[&Figures]) -> String {
@@ -71,7 +71,7 @@ pub(crate) fn variants(runs: &[Run], cell: fn(&[&Figures]) -> String) -> Table {
     table
 }
 
-/// A row per input and variant: errors, and frames without a sure pose; medians over the seeds, ranges if they differ.
+/// A row per input and variant: errors, and numbers of lost and wrong frames; the columns are those of `lab sweep`.
 pub(crate) fn errors(runs: &[Run]) -> Table {
     let head = [
         "input",
@@ -85,13 +85,14 @@ pub(crate) fn errors(runs: &[Run]) -> Table {
     ];
     let mut table = Table::new(head).align(1, Align::Left);
     for row in rows(runs) {
+        let [ate, online, rpe, worst] = row.errors();
         table.row([
-            format!("`{}`", row.input),
+            row.name(),
             row.variant.to_owned(),
-            median_and_range(row.all(|f| f.ate_mm), 1),
-            median_and_range(row.all(|f| f.online_ate_mm), 1),
-            figure(spread(row.all(|f| f.rpe_mm))[0], 1),
-            figure(spread(row.all(|f| f.worst_mm))[2], 1),
+            ate,
+            online,
+            rpe,
+            worst,
             row.sum(|f| f.lost),
             row.sum(|f| f.wrong),
         ]);

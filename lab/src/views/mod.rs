@@ -42,6 +42,21 @@ impl Row<'_> {
         self.figures().filter_map(of).collect()
     }
 
+    fn name(&self) -> String {
+        let drift = self.figures().any(|f| f.drift);
+        format!("`{}`{}", self.input, if drift { " (drift)" } else { "" })
+    }
+
+    /// Errors, mm: ATE of the final poses and of those at each frame, with the seeds' ranges; the median RPE; the worst frame of all seeds.
+    fn errors(&self) -> [String; 4] {
+        [
+            median_and_range(self.all(|f| f.ate_mm), 1),
+            median_and_range(self.all(|f| f.online_ate_mm), 1),
+            figure(spread(self.all(|f| f.rpe_mm))[0], 1),
+            figure(spread(self.all(|f| f.worst_mm))[2], 1),
+        ]
+    }
+
     fn sum(&self, of: impl Fn(&Figures) -> usize) -> String {
         self.figures().map(of).sum::<usize>().to_string()
     }
@@ -70,15 +85,15 @@ pub(crate) fn sweep(runs: &[Run]) -> Table {
             0 => row.runs.len().to_string(),
             _ => format!("{}, {failed} failed", row.runs.len()),
         };
-        let drift = row.figures().any(|f| f.drift);
+        let [ate, online, rpe, worst] = row.errors();
         table.row([
-            format!("`{}`{}", row.input, if drift { " (drift)" } else { "" }),
+            row.name(),
             row.variant.to_owned(),
             count,
-            median_and_range(row.all(|f| f.ate_mm), 1),
-            median_and_range(row.all(|f| f.online_ate_mm), 1),
-            figure(spread(row.all(|f| f.rpe_mm))[0], 1),
-            figure(spread(row.all(|f| f.worst_mm))[2], 1),
+            ate,
+            online,
+            rpe,
+            worst,
             row.sum(|f| f.lost),
             row.sum(|f| f.undecided.unwrap_or(0)),
             row.sum(|f| f.wrong),

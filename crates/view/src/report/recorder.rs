@@ -5,7 +5,7 @@ use super::marks::mark_of;
 use super::model::{Mark, Said};
 use super::thumbnail::Thumbnails;
 use std::collections::BTreeMap;
-use stillpoint_detection::{Motion, Object, ObjectState};
+use stillpoint_detection::{Motion, MotionWeights, Object, ObjectState};
 use stillpoint_geometry::Vec3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_slam::{Event, FrameReport, Health, Outcome, Reasons, Subscriber};
@@ -182,6 +182,7 @@ fn said(reasons: Reasons) -> Said {
 
 /// Objects that are neither tentative nor hidden; the latter have no measured position.
 pub(crate) fn objects_of(report: &FrameReport) -> impl Iterator<Item = SeenObject> {
+    let weights = MotionWeights::default();
     let sure = |o: &&Object| o.state != ObjectState::Tentative;
     let seen = move |object: &Object| {
         let b = &object.bounds;
@@ -193,7 +194,7 @@ pub(crate) fn objects_of(report: &FrameReport) -> impl Iterator<Item = SeenObjec
         SeenObject {
             id: object.id.0,
             class: object.class.name(),
-            motion: shown_motion(object),
+            motion: shown_motion(object, &weights),
             bounds: [b.x0, b.y0, b.x1, b.y1],
             in_camera: in_camera.map(|o| o.position),
             size: object.size.unwrap_or([f64::NAN; 2]),
