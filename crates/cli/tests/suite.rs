@@ -143,7 +143,8 @@ fn tum_suite_compares_with_published_figures() {
     let ours = [2, 3, 5, 6, 7, 8].map(plain);
     assert_eq!(ours[..], walking[6..12]);
     let less: f64 = systems[6][4].parse().unwrap();
-    assert!((98.0..100.0).contains(&less), "{less}");
+    // Rounded to a tenth.
+    assert!((98.0..=100.0).contains(&less), "{less}");
     assert_eq!(systems[0][4], "0.0");
     // Published figures are listed for missing sequences too; sequences without any have no rows.
     assert_eq!(lines(published, "walking_halfsphere").len(), 6);

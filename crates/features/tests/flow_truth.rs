@@ -11,9 +11,14 @@ use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec2, Vec3};
 use stillpoint_imaging::{ColourImage, DepthImage, GrayImage, Simd};
 use stillpoint_simulator::{Simulator, SimulatorConfig};
 
-/// Tracks the corners of the first image to the second; returns points and results.
+/// Tracks the corners of the first image to the second; returns points and results. The bounds hold for corners of
+/// ORB-SLAM2's thresholds.
 fn track(first: &GrayImage, second: &GrayImage) -> Vec<([f32; 2], Option<FlowMatch>)> {
-    let mut extractor = OrbExtractor::new(&OrbConfig::default(), Simd::detect());
+    let config = OrbConfig {
+        fast_threshold_low: 7,
+        ..OrbConfig::default()
+    };
+    let mut extractor = OrbExtractor::new(&config, Simd::detect());
     let (mut features, mut other) = <(Features, Features)>::default();
     extractor.extract(first, &mut features);
     extractor.extract(second, &mut other);

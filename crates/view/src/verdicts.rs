@@ -122,7 +122,8 @@ fn overlay_box(object: &Object, style: &Style) -> OverlayBox {
 fn label(object: &Object) -> String {
     let doubt = match object.state {
         ObjectState::Tentative => "?",
-        ObjectState::Confirmed | ObjectState::Coasting | ObjectState::Hidden => "",
+        ObjectState::Confirmed => "",
+        ObjectState::Coasting | ObjectState::Hidden => " predicted",
     };
     let name = format!("{} {}{doubt}", object.class, object.id.0);
     match object.motion {
@@ -199,8 +200,11 @@ mod tests {
             let all = overlay_box(&object, &style(Labels::All)).label;
             assert!(all.starts_with(class), "{all}");
         }
-        let chair = object("chair", Motion::Unknown, 0.8);
+        let mut chair = object("chair", Motion::Unknown, 0.8);
         assert_eq!(overlay_box(&chair, &style(Labels::All)).label, "chair 4");
+        chair.state = ObjectState::Coasting;
+        let predicted = overlay_box(&chair, &style(Labels::All));
+        assert!(predicted.coasting && predicted.label == "chair 4 predicted");
     }
 
     #[test]

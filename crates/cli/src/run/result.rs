@@ -127,7 +127,7 @@ fn figures(
     session: &Session,
     scores: Option<&(Score, Score)>,
 ) -> Vec<(&'static str, Figure)> {
-    let name = &setup.input.name;
+    let name = &page::data::name(&setup.input.name);
     let mut figures = Vec::new();
     let poses = timed(&session.poses.final_poses);
     figures.push((
@@ -137,12 +137,12 @@ fn figures(
             None => poses_figure(name, &poses),
         },
     ));
-    let frame = |name| (name, setup.timing.per_frame(name));
+    let stage = |label, name| (label, setup.timing.per_frame(name));
     let whole = match &session.live {
         Some(live) => ("latency", live.latency_ms.clone()),
-        None => frame("total"),
+        None => stage("whole frame", "total"),
     };
-    let stages = [whole, frame("frame")];
+    let stages = [whole, stage("tracking", "frame")];
     let series: Vec<Series<'_>> = stages
         .iter()
         .map(|(name, milliseconds)| Series { name, milliseconds })

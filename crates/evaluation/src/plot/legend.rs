@@ -7,6 +7,8 @@ use super::colour::{Colour, FRAME, INK, WHITE, map};
 #[derive(Clone, Copy)]
 pub(super) enum Mark {
     Line(Colour),
+    /// A line in all colours of the map.
+    Shaded,
     Wide(Colour),
     Dashed(Colour),
     Ring,
@@ -22,12 +24,23 @@ pub(super) fn legend(figure: &mut Figure, [x, y]: [f64; 2], entries: &[(Mark, &s
         let line = vec![[left, row], [left + MARK, row]];
         match mark {
             Mark::Line(colour) => figure.line(line, *colour, 2.4),
+            Mark::Shaded => shaded(figure, [left, row], MARK),
             Mark::Wide(colour) => figure.line(line, *colour, super::panels::TRUTH_WIDTH),
             Mark::Dashed(colour) => figure.dashed(line, *colour, 1.6),
             Mark::Ring => ring(figure, [left + 0.5 * MARK, row]),
         }
         figure.text([left + MARK + 7.0, row + 4.3], name, SMALL, Anchor::Start);
         left += width(name);
+    }
+}
+
+/// A line whose colours go from one end of the map to the other.
+fn shaded(figure: &mut Figure, [x, y]: [f64; 2], length: f64) {
+    const STEPS: usize = 8;
+    let at = |k: usize| [x + length * k as f64 / STEPS as f64, y];
+    for k in 0..STEPS {
+        let colour = map((k as f64 + 0.5) / STEPS as f64);
+        figure.line(vec![at(k), at(k + 1)], colour, 2.4);
     }
 }
 

@@ -150,7 +150,7 @@ fn top_view(figure: &mut Figure, ate: &Ate, (with_truth, value, full, label): Sh
         &format!("{} (m)", NAMES[j]),
     );
     let place = |p: &Vec3| axes.at(p[i], p[j]);
-    let mut marks = vec![(Mark::Line(map(0.35)), "estimate"), (Mark::Ring, "start")];
+    let mut marks = vec![(Mark::Shaded, "estimate"), (Mark::Ring, "start")];
     if with_truth {
         marks.insert(0, (Mark::Wide(REFERENCE), "ground truth"));
         truth_from_above(figure, &ate.pairs, place);

@@ -11,7 +11,7 @@ pub struct FeaturesConfig {
     /// more cost time in every later stage.
     pub features: usize,
     /// FAST threshold, grey levels: how much brighter or darker than the centre the arc must be. Range: 1 to 254. 20 is
-    /// above sensor noise; where it finds nothing, about a third of it still finds corners on plain walls.
+    /// above sensor noise; where it finds nothing, a quarter of it still finds corners on plain walls.
     pub fast_threshold: u8,
 }
 
@@ -32,8 +32,8 @@ impl FeaturesConfig {
         OrbConfig {
             features: self.features,
             fast_threshold: self.fast_threshold,
-            // 7 of 20, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
-            fast_threshold_low: (u16::from(self.fast_threshold) * 7).div_ceil(20) as u8,
+            // The ratio of the defaults.
+            fast_threshold_low: self.fast_threshold.div_ceil(4),
             // All maps share one pyramid, so that any two of them can be joined.
             ..OrbConfig::default()
         }

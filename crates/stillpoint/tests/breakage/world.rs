@@ -277,8 +277,8 @@ pub(crate) fn until_pose(reports: &[FrameReport]) -> usize {
     found.unwrap_or(reports.len())
 }
 
-/// The old map is preserved: all keyframes, live or as tombstones, and the usual number of landmarks, some replaced by
-/// better ones.
+/// The old map is preserved: all keyframes, live or as tombstones, and the usual number of landmarks that two of them
+/// observe, some replaced by better ones.
 pub(crate) fn assert_kept(before: &MapView, after: &MapView) {
     for k in before.keyframes() {
         assert!(after.world_from_keyframe(k.id).is_some(), "{}", k.id);
@@ -289,11 +289,13 @@ pub(crate) fn assert_kept(before: &MapView, after: &MapView) {
         before.landmarks().filter(there).count(),
     );
     let share = kept as f64 / all.max(1) as f64;
+    let confirmed = |view: &MapView| view.landmarks().filter(|(_, l)| l.observers > 1).count();
+    let [then, now] = [before, after].map(confirmed);
     println!(
-        "{kept} of {all} landmarks are kept ({share:.2}), of {} now",
+        "{kept} of {all} landmarks are kept ({share:.2}), of {} now; of {then} confirmed ones {now}",
         after.landmark_count()
     );
-    assert!(all > 100 && share > 0.4 && after.landmark_count() >= all * 9 / 10);
+    assert!(all > 100 && share > 0.4 && now >= then * 9 / 10);
 }
 
 /// The result of `work`. Fails after two minutes instead of hanging.

@@ -1,7 +1,7 @@
 //! Maps that begin among people: the motion is undecided, and poses that followed a person are corrected.
 
 use super::world::{Recording, Run, with};
-use std::sync::LazyLock;
+use std::sync::OnceLock;
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameSource, RgbdFrame, Simd, SourceError};
@@ -16,8 +16,9 @@ fn run(recording: &Recording, preset: Preset) -> Run {
     recording.drive(system.with_log())
 }
 
-/// The median of five seeds is held: single starts vary by a factor of three.
-const SEEDS: u64 = 5;
+/// The median of five starts is held, of scenes and systems with seeds of their own: single starts vary by a factor of
+/// three.
+const STARTS: u64 = 5;
 
 fn seeded(seed: u64) -> Config {
     let mut config = with(Preset::Default);
@@ -25,9 +26,12 @@ fn seeded(seed: u64) -> Config {
     config
 }
 
-/// Median over the seeds of each error.
-fn median(of_seed: impl Fn(u64) -> [f64; 2]) -> [f64; 2] {
-    let errors: Vec<[f64; 2]> = (0..SEEDS).map(of_seed).collect();
+/// Median over the starts of each error, for the first `frames` frames.
+fn median(frames: usize, of_start: impl Fn(&Recording, Config) -> [f64; 2]) -> [f64; 2] {
+    let errors: Vec<[f64; 2]> = (0..STARTS)
+        .map(|k| of_start(&crowd(k, frames), seeded(k)))
+        .collect();
+    println!("{errors:.0?}");
     [0, 1].map(|k| {
         let mut sorted: Vec<f64> = errors.iter().map(|e| e[k]).collect();
         sorted.sort_by(f64::total_cmp);
@@ -36,21 +40,23 @@ fn median(of_seed: impl Fn(u64) -> [f64; 2]) -> [f64; 2] {
 }
 
 /// The first frames, at most 80, of a rotation among people who walk close to the camera from the first frame on.
-fn crowd(frames: usize) -> Recording {
-    static CROWD: LazyLock<Recording> = LazyLock::new(|| {
+fn crowd(start: u64, frames: usize) -> Recording {
+    static CROWDS: [OnceLock<Recording>; STARTS as usize] =
+        [const { OnceLock::new() }; STARTS as usize];
+    let made = CROWDS[start as usize].get_or_init(|| {
         let config = SimulatorConfig {
             scene: "crowd_rpy_60".into(),
-            seed: 3,
+            seed: 3 + start,
             ..SimulatorConfig::default()
         };
         Recording::made(config, 0..80, 0.0)
     });
     Recording {
-        frames: CROWD.frames[..frames].to_vec(),
+        frames: made.frames[..frames].to_vec(),
         masks: Vec::new(),
         script: Vec::new(),
-        truth: CROWD.truth.clone(),
-        camera: CROWD.camera,
+        truth: made.truth.clone(),
+        camera: made.camera,
     }
 }
 
@@ -60,13 +66,12 @@ fn worst_mm(recording: &Recording, poses: &[TimedPose]) -> f64 {
     1e3 * score.ate.statistics.max
 }
 
-/// Compares the maximum error after the first frames of the crowd, as the median over the seeds, with the table of
+/// Compares the maximum error after the first frames of the crowd, as the median over the starts, with the table of
 /// errors.
 #[track_caller]
 fn hold_worst(frames: usize, worst_mm: f64) {
-    let sequence = format!(
-        "sim:crowd_rpy_60 with seed 3 {frames} frames: largest error as the median of {SEEDS} seeds"
-    );
+    let sequence =
+        format!("sim:crowd_rpy_60 {frames} frames: largest error as the median of {STARTS} starts");
     let found = Figures::all_posed(worst_mm, frames);
     ate::hold(&sequence, "none", "default", found);
 }
@@ -100,20 +105,20 @@ fn static_scenes_are_decided_within_a_second() {
 /// For half a second the camera's pose follows people.
 #[test]
 fn start_that_followed_a_person_is_corrected() {
-    let recording = crowd(80);
-    let [then, now] = median(|seed| {
-        let system = System::new(seeded(seed), recording.camera, Simd::detect()).unwrap();
+    let [then, now] = median(80, |recording, config| {
+        let system = System::new(config, recording.camera, Simd::detect()).unwrap();
         let run = recording.drive(system);
         assert_eq!(run.poses().len(), 80);
-        [online(&run), run.poses()].map(|poses| worst_mm(&recording, &poses))
+        [online(&run), run.poses()].map(|poses| worst_mm(recording, &poses))
     });
+    let recording = crowd(0, 80);
     let run = run(&recording, Preset::Default);
     let undecided = run.reports.iter().filter(|r| r.undecided.is_some()).count();
     println!("{then:.0} mm at each frame, {now:.0} mm in the end, {undecided} undecided");
     hold_worst(80, now);
     // Control: the poses reported at each frame.
     assert!(
-        then > 50.0 && now < 30.0 && now < 0.2 * then,
+        then > 50.0 && now < 30.0 && now < 0.25 * then,
         "{then} mm, {now} mm"
     );
     assert!((30..45).contains(&undecided), "{undecided}");
@@ -142,9 +147,8 @@ fn start_that_followed_a_person_is_corrected() {
 #[test]
 fn start_is_corrected_if_the_stream_ends_early() {
     for frames in [60, 45] {
-        let recording = crowd(frames);
-        let [then, now] = median(|seed| {
-            let stages = Stages::new(seeded(seed), recording.camera, Simd::detect());
+        let [then, now] = median(frames, |recording, config| {
+            let stages = Stages::new(config, recording.camera, Simd::detect());
             let mut system = System::from(stages.unwrap());
             for frame in &recording.frames {
                 system.step(frame.clone());
@@ -158,7 +162,7 @@ fn start_is_corrected_if_the_stream_ends_early() {
                 });
                 let poses: Vec<_> = poses.collect();
                 assert_eq!(poses.len(), frames);
-                worst_mm(&recording, &poses)
+                worst_mm(recording, &poses)
             };
             let then = error_mm(&system);
             system.finish();
@@ -166,10 +170,11 @@ fn start_is_corrected_if_the_stream_ends_early() {
         });
         println!("{frames} frames: {then:.0} mm before the end, {now:.0} mm after it");
         hold_worst(frames, now);
+        let recording = crowd(0, frames);
         let run = run(&recording, Preset::Default);
         // Control: the poses before the end of the stream.
         assert!(
-            then > 50.0 && now < 30.0 && now < 0.2 * then,
+            then > 50.0 && now < 30.0 && now < 0.25 * then,
             "{then} mm, {now} mm"
         );
         assert_eq!(run.system.trajectory().entries().len(), frames);

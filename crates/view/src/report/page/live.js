@@ -204,7 +204,7 @@ function liveFigures(run, rate) {
   list.push(["Own error, 1 sigma", now.sigma_mm === null ? "-" : `${fixed(now.sigma_mm, 1)} mm`, now.undecided ? "undecided who moves" : `quality ${fixed(now.quality, 2)}`, now.lost]);
   list.push(["Speed", `${fixed(rate, 0)} frames/s`, m.latency_ms === null ? "" : `${m.dropped} dropped`]);
   const sorted = [...run.latencies].sort((a, b) => a - b), share = (s) => sorted[Math.floor(s * (sorted.length - 1))];
-  list.push(["Latency", `${fixed(share(0.5), 1)} ms`, sorted.length ? `99 %: ${fixed(share(0.99), 0)}` : ""]);
+  list.push(["Latency", `${fixed(share(0.5), 1)} ms`, sorted.length ? `99 %: ${fixed(share(0.99), 0)} ms` : ""]);
   list.push(["Keypoints that move", `${fixed(100 * (1 - now.static_share), 0)} %`, now.detections_age === null ? "" : `detections ${fixed(now.detections_age, 2)} s old`]);
   list.push(["Landmarks of the map", `${now.landmarks}`, `${now.keyframes} keyframes, ${now.loops} loops`]);
   return list;

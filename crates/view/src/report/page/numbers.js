@@ -41,9 +41,9 @@ function figures(run) {
   else list.push(["Own error, 1 sigma", millimetres(1e-3 * middle(run.sigma_mm)), "no truth known"]);
   if (rpe) list.push([`Relative error, ${rpe.delta}`, millimetres(rpe.translation.rmse), rpe.rotation_deg ? `${fixed(rpe.rotation_deg.rmse, 2)} deg` : ""]);
   else list.push(["Length of the way", `${fixed(wayOf(run), 2)} m`, run.count ? `in ${fixed(run.seconds[run.count - 1], 1)} s` : ""]);
-  const tracking = stage(run, "frame");
-  if (s.live && s.live.latency_ms) list.push(["Latency", `${fixed(s.live.latency_ms.median, 1)} ms`, `99 %: ${fixed(s.live.latency_ms.p99, 0)}; ${s.live.dropped} dropped`]);
-  else list.push(["Tracking a frame", `${fixed(tracking && tracking.median, 1)} ms`, tracking ? `99 %: ${fixed(tracking.p99, 1)}` : ""]);
+  const tracking = stage(run, "frame"), total = stage(run, "total");
+  if (s.live && s.live.latency_ms) list.push(["Latency", `${fixed(s.live.latency_ms.median, 1)} ms`, `99 %: ${fixed(s.live.latency_ms.p99, 0)} ms; ${s.live.dropped} dropped`]);
+  else list.push(["Tracking a frame", `${fixed(tracking && tracking.median, 1)} ms`, total ? `whole frame ${fixed(total.median, 1)} ms` : tracking ? `99 %: ${fixed(tracking.p99, 1)} ms` : ""]);
   const f = s.features;
   list.push(["Keypoints that move", f && f.keypoints ? `${fixed(100 * f.dynamic_share, 1)} %` : "-", f && f.keypoints ? `of ${fixed(f.keypoints / frames, 0)} a frame` : ""]);
   list.push(["Landmarks of the map", `${s.landmarks ?? "-"}`, `${s.keyframes ?? "-"} keyframes`]);
