@@ -78,8 +78,8 @@ def make(program: str, work: Path) -> None:
     plan = ImageOps.expand(Image.open(out / "grid.pgm"), 2, 128)
     keep(plan.resize((plan.width * 4, plan.height * 4), Image.Resampling.NEAREST), "plan.png", 480)
     keep(Image.open(out / "plot.png"), "errors.png", 900)
-    call("simulate", "--scene", "crowd_coat", "--frames", "30", "--out", "coat")
-    keep(Image.open(sorted((work / "coat" / "rgb").iterdir())[-1]), "coat.png", 480)
+    call("simulate", "--scene", "crowd_pitch", "--frames", "41", "--out", "pitch")
+    keep(Image.open(sorted((work / "pitch" / "rgb").iterdir())[-1]), "pitch.png", 480)
 
 
 if __name__ == "__main__":

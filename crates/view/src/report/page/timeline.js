@@ -43,7 +43,7 @@ class Timeline {
   /// Updates and redraws the lanes.
   refresh() {
     const run = this.run;
-    const lanes = [["error_mm", "error", "mm"], ["sigma_mm", "1 sigma", "mm"], ["moving", "moves", "%"], ["time_ms", run.data.time_is === "latency" ? "latency" : "whole frame", "ms"], ["answer_ms", "detector", "ms"], ["inliers", "inliers", ""]];
+    const lanes = [["error_mm", "error", "mm"], ["sigma_mm", "1 sigma", "mm"], ["moving", "moves", "%"], ["time_ms", run.data.time_is === "latency" ? "latency" : "frame", "ms"], ["answer_ms", "detector", "ms"], ["inliers", "inliers", ""]];
     this.lanes = lanes.filter(([name]) => run[name].some((x) => Number.isFinite(x) && (x > 0 || name !== "moving")));
     // The true error is more useful than its estimate.
     if (this.lanes.some((l) => l[0] === "error_mm")) this.lanes = this.lanes.filter((l) => l[0] !== "sigma_mm");
