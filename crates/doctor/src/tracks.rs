@@ -58,11 +58,12 @@ pub(crate) struct Tracks {
 impl Tracks {
     pub(crate) fn new() -> Self {
         let simd = Simd::detect();
-        // The levels with which the bounds of the findings were measured.
+        // The levels and the threshold with which the bounds of the findings were measured.
         let config = OrbConfig {
             features: CORNERS,
             levels: 8,
             scale_factor: 1.2,
+            fast_threshold_low: 7,
             ..OrbConfig::default()
         };
         let flow = FlowConfig {
