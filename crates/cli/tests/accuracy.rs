@@ -99,8 +99,7 @@ fn ate_of_kitchen() {
 
 #[test]
 fn ate_of_tartanair_office() {
-    // Six seeds have 1.38 (4.4 to 9.7 mm, 3.9 without the filter), as corners where a door covers the floor seem to move
-    // (decisions 61, 65).
+    // Six seeds have 1.38 (4.4 to 9.7 mm, 3.9 without the filter); the cause is not known (decision 65).
     hold_still("tartanair_office", 1.5);
 }
 

@@ -18,8 +18,8 @@ pub struct OrbConfig {
     /// FAST threshold, grey levels, 1..=254: how much brighter or darker than the centre the arc must be. 20 is above
     /// sensor noise (ORB-SLAM2, Mur-Artal, Tardos 2017).
     pub fast_threshold: u8,
-    /// FAST threshold in cells of about 32 px where the other finds nothing, 1..=`fast_threshold`. With 7, as
-    /// in ORB-SLAM2, a room has too few corners beside a person in patterned clothes; 5 and 6 suffice (decision 65).
+    /// FAST threshold in cells of about 32 px where the other finds nothing, 1..=`fast_threshold`. With 7, as in
+    /// ORB-SLAM2, a room has too few corners beside a person in patterned clothes; 5 and 6 suffice (decision 65).
     pub fast_threshold_low: u8,
     /// Whether to refine corner positions to subpixel accuracy. On real frames 0.1 s apart this reduces the median
     /// distance of matches to their epipolar lines by a third.
@@ -28,6 +28,8 @@ pub struct OrbConfig {
 
 impl Default for OrbConfig {
     fn default() -> Self {
+        // As in ORB-SLAM2's RGB-D settings (Mur-Artal, Tardos 2017), except for the levels, the lower threshold and the
+        // subpixel refinement.
         Self {
             features: 1000,
             levels: 5,

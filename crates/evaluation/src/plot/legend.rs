@@ -36,6 +36,7 @@ pub(super) fn legend(figure: &mut Figure, [x, y]: [f64; 2], entries: &[(Mark, &s
 
 /// A line whose colours go from one end of the map to the other.
 fn shaded(figure: &mut Figure, [x, y]: [f64; 2], length: f64) {
+    /// Number of pieces of one colour: chosen as that of the map's supporting points.
     const STEPS: usize = 8;
     let at = |k: usize| [x + length * k as f64 / STEPS as f64, y];
     for k in 0..STEPS {
