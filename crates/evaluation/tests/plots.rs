@@ -114,6 +114,25 @@ fn truth_is_visible_under_a_coinciding_estimate() {
     );
 }
 
+/// An estimate without error is drawn in one colour; only its sign in the legend has the others.
+#[test]
+fn legend_of_the_estimate_has_all_colours_of_errors() {
+    let truth = walk(300, 0.0);
+    let ate = evaluate(&truth, &truth, &EvalOptions::default())
+        .unwrap()
+        .ate;
+    let svg = trajectory_figure("a", &ate, None).to_svg();
+    let pieces: Vec<&str> = svg
+        .lines()
+        .filter(|l| l.starts_with("<polyline") && l.contains("stroke-width=\"2.4\""))
+        .map(|l| l.split("stroke=\"").nth(1).unwrap())
+        .map(|colour| colour.split('"').next().unwrap())
+        .collect();
+    let colours: std::collections::BTreeSet<&&str> = pieces.iter().collect();
+    // Eight pieces here, and one colour in the legend of the coordinates.
+    assert_eq!(colours.len(), 9, "{pieces:?}");
+}
+
 #[test]
 fn perfect_and_short_trajectories_can_be_drawn() {
     let truth = walk(3, 0.0);
